@@ -1,0 +1,1 @@
+"""Nonlinear frequency response of membrane wings and other forced oscillators."""
