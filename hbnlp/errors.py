@@ -1,0 +1,29 @@
+"""Errors and warnings that carry what was computed before they were raised."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class HbnlpError(Exception):
+    """Base class of the errors that hbnlp raises for reasons other than a wrong argument."""
+
+
+class ConvergenceError(HbnlpError):
+    """An iteration did not converge; ``result`` is the unconverged record, with its statistics."""
+
+    def __init__(self, message: str, result: Any) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+class NonFiniteError(HbnlpError):
+    """A user's force, forcing or output gave a value or derivative that is not finite."""
+
+
+class SaveError(HbnlpError, OSError):
+    """A file could not be written; nothing in memory was lost and no older file was touched."""
+
+
+class LinearInstabilityWarning(UserWarning):
+    """The linear part of a system is unstable about rest."""
