@@ -1,0 +1,328 @@
+"""The record of an aerodynamic reduced-order model (ROM): rational function from motion to loads."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hbnlp.aero import statespace
+from hbnlp.aero.provenance import Provenance
+from hbnlp.checks import whole_number
+from hbnlp.storage import load_arrays, save_arrays
+
+if TYPE_CHECKING:
+    import control
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_KIND = "AeroROM"
+_MATRICES = ("stiffness", "damping", "mass", "lag_state", "lag_input", "lag_output")
+_ARRAYS = (*_MATRICES, "base_motion", "base_load")
+
+
+@dataclass(frozen=True, init=False, repr=False, eq=False)
+class AeroROM:
+    """Rational aerodynamics from the motion u = [alpha, z, W_1..W_N] to the loads y = [C_L, dCp_1..dCp_N].
+
+    ::
+
+        y = y_b + K (u - u_b) + D u' + M u'' + C x,      x' = A x + B u''
+        G(s) = K + D s + M s^2 + s^2 C (s I - A)^(-1) B
+
+    Everything is nondimensional (chord, stream velocity, density; rad) in the conventions of the package: heave z of
+    the leading edge and displacement w upward, pitch about the leading edge nose-up, ``w = sum_k W_k sin(k pi x)``,
+    ``dCp_k = 2 int_0^1 dCp sin(k pi x) dx`` [1]_ [2]_ [3]_.
+
+    Parameters
+    ----------
+    stiffness, damping, mass : array_like, shape (N+1, N+2)
+        K, D and M: loads per motion, velocity and acceleration.
+    lag_state : array_like, shape (n, n)
+        A, all eigenvalues in the open left half plane; n = 0 (no lag states) is allowed.
+    lag_input : array_like, shape (n, N+2)
+        B, the lag states' drive by acceleration.
+    lag_output : array_like, shape (N+1, n)
+        C, the loads from the lag states.
+    base_motion : array_like, shape (N+2,), optional
+        u_b, about which the ROM was identified; zero by default.
+    base_load : array_like, shape (N+1,), optional
+        y_b, the steady load at u_b; zero by default.
+    provenance : Provenance, optional
+        Where the ROM comes from and where it holds.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, a value is complex or not finite, or A is not strictly stable.
+    TypeError
+        If ``provenance`` is not a `Provenance`.
+
+    References
+    ----------
+    .. [1] K. L. Roger, "Airplane math modeling methods for active control design", AGARD-CP-228 (1977).
+    .. [2] M. Karpel, "Design for active flutter suppression and gust alleviation using state-space aeroelastic
+       modeling", J. Aircraft 19 (1982) 221-227, doi:10.2514/3.57379.
+    .. [3] S. L. Brunton, C. W. Rowley, D. R. Williams, "Reduced-order unsteady aerodynamic models at low Reynolds
+       numbers", J. Fluid Mech. 724 (2013) 203-233, doi:10.1017/jfm.2013.163.
+    """
+
+    stiffness: Array
+    damping: Array
+    mass: Array
+    lag_state: Array
+    lag_input: Array
+    lag_output: Array
+    base_motion: Array
+    base_load: Array
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __init__(
+        self,
+        *,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        mass: ArrayLike,
+        lag_state: ArrayLike,
+        lag_input: ArrayLike,
+        lag_output: ArrayLike,
+        base_motion: ArrayLike | None = None,
+        base_load: ArrayLike | None = None,
+        provenance: Provenance | None = None,
+    ) -> None:
+        k = _real("stiffness", stiffness)
+        if k.ndim != 2 or k.shape[0] < 1 or k.shape[1] != k.shape[0] + 1:
+            raise ValueError(
+                f"stiffness has shape {k.shape}; (N+1, N+2) is needed: "
+                "rows C_L, dCp_1..dCp_N and columns alpha, z, W_1..W_N"
+            )
+        rows, columns = k.shape
+        a = _real("lag_state", lag_state)
+        a = a.reshape(0, 0) if a.size == 0 else a
+        n = a.shape[0] if a.ndim else 1
+        shapes = {
+            "damping": (rows, columns),
+            "mass": (rows, columns),
+            "lag_state": (n, n),
+            "lag_input": (n, columns),
+            "lag_output": (rows, n),
+            "base_motion": (columns,),
+            "base_load": (rows,),
+        }
+        given: dict[str, ArrayLike] = {
+            "damping": damping,
+            "mass": mass,
+            "lag_state": a,
+            "lag_input": lag_input,
+            "lag_output": lag_output,
+            "base_motion": np.zeros(columns) if base_motion is None else base_motion,
+            "base_load": np.zeros(rows) if base_load is None else base_load,
+        }
+        arrays = {"stiffness": k}
+        for name, shape in shapes.items():
+            array = _real(name, given[name])
+            if array.size == 0 and 0 in shape:
+                array = array.reshape(shape)
+            if array.shape != shape:
+                raise ValueError(
+                    f"{name} has shape {array.shape}; {shape} is needed, because stiffness {k.shape} "
+                    f"means N = {rows - 1} modes and lag_state {a.shape} means n = {n} lag states"
+                )
+            arrays[name] = array
+        unstable = [pole for pole in np.linalg.eigvals(a) if not pole.real < 0.0] if n else []
+        if unstable:
+            raise ValueError(
+                f"lag_state has the eigenvalue {max(unstable, key=np.real):.6g}; all must have a negative real part: "
+                "identify the ROM again with stable poles, or drop the lag states that are not"
+            )
+        provenance = Provenance() if provenance is None else provenance
+        if not isinstance(provenance, Provenance):
+            raise TypeError(f"provenance is {provenance!r}; give hbnlp.aero.Provenance(source=..., reynolds=...)")
+        for name, array in arrays.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "provenance", provenance)
+
+    @property
+    def n_modes(self) -> int:
+        """Number N of membrane modes."""
+        return int(self.stiffness.shape[0]) - 1
+
+    @property
+    def n_lags(self) -> int:
+        """Number n of lag states."""
+        return int(self.lag_state.shape[0])
+
+    @property
+    def poles(self) -> ComplexArray:
+        """Eigenvalues of the lag states, (n,), the slowest-decaying first."""
+        values = np.asarray(np.linalg.eigvals(self.lag_state), dtype=complex)
+        return values[np.lexsort((values.imag, -values.real))]
+
+    def transfer(self, s: ArrayLike) -> ComplexArray:
+        """Return G(s) = K + D s + M s^2 + s^2 C (s I - A)^(-1) B, the loads per motion exp(s t).
+
+        Parameters
+        ----------
+        s : array_like of complex, any shape (...)
+            Laplace variable, U/c; i omega for a frequency response.
+
+        Returns
+        -------
+        ndarray of complex, shape (..., N+1, N+2)
+            At s = 0 exactly ``stiffness``.
+
+        Raises
+        ------
+        ValueError
+            If ``s`` is not finite or is a pole of the ROM.
+        """
+        points = np.asarray(s, dtype=complex)
+        if not np.all(np.isfinite(points)):
+            raise ValueError(f"s holds {points[~np.isfinite(points)].flat[0]}; only finite values are accepted")
+        z = points[..., np.newaxis, np.newaxis]
+        g: ComplexArray = (self.stiffness + z * self.damping + z**2 * self.mass).astype(complex)
+        if self.n_lags:
+            try:
+                states = np.linalg.solve(z * np.eye(self.n_lags) - self.lag_state, self.lag_input.astype(complex))
+            except np.linalg.LinAlgError as error:
+                raise ValueError(f"s meets a pole of the ROM; evaluate it away from its poles {self.poles}") from error
+            g = g + z**2 * (self.lag_output @ states)
+        return g
+
+    def truncated(self, n_modes: int) -> AeroROM:
+        """Return the ROM of the first ``n_modes`` membrane modes, its leading block, with all lag states.
+
+        Raises
+        ------
+        ValueError
+            If ``n_modes`` is negative or more than this ROM has.
+        """
+        advice = f": the ROM has {self.n_modes} modes, identify one with more if you need them"
+        n_modes = whole_number("n_modes", n_modes, least=0, most=self.n_modes, advice=advice)
+        y, u = slice(n_modes + 1), slice(n_modes + 2)
+        return AeroROM(
+            stiffness=self.stiffness[y, u],
+            damping=self.damping[y, u],
+            mass=self.mass[y, u],
+            lag_state=self.lag_state,
+            lag_input=self.lag_input[:, u],
+            lag_output=self.lag_output[y],
+            base_motion=self.base_motion[u],
+            base_load=self.base_load[y],
+            provenance=self.provenance,
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the ROM to one ``.npz`` file, without pickle, all of it or nothing; the name is taken as given.
+
+        Raises
+        ------
+        SaveError
+            If the file cannot be written.
+        """
+        save_arrays(
+            path, _KIND, {name: getattr(self, name) for name in _ARRAYS}, {"provenance": asdict(self.provenance)}
+        )
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> AeroROM:
+        """Read a ROM that `save` wrote; it is validated again.
+
+        Raises
+        ------
+        FileNotFoundError, ValueError
+            If there is no such file, or it is not a valid ROM.
+        """
+        arrays, metadata = load_arrays(path, _KIND)
+        try:
+            return cls(**arrays, provenance=Provenance(**metadata["provenance"]))
+        except (TypeError, KeyError) as error:
+            raise ValueError(f"{os.fspath(path)!r} lacks a part of a ROM, or has one too many: {error}") from error
+
+    def to_statespace(self) -> control.StateSpace:
+        """Return the ROM as a ``control.StateSpace`` from accelerations: input u'', states [u, u', x], output y.
+
+        Its transfer function is G(s)/s^2. Base motion, base load and provenance have no place there: the output is
+        y - y_b + K u_b. The way back, `from_statespace`, gives the same arrays bit for bit.
+
+        Raises
+        ------
+        ImportError
+            If the package ``control`` is not installed (extra ``hbnlp[control]``).
+        """
+        return statespace.pack(**{name: getattr(self, name) for name in _MATRICES})
+
+    @classmethod
+    def from_statespace(
+        cls,
+        system: control.StateSpace,
+        *,
+        base_motion: ArrayLike | None = None,
+        base_load: ArrayLike | None = None,
+        provenance: Provenance | None = None,
+    ) -> AeroROM:
+        """Return the ROM in a ``control.StateSpace`` whose input is u'' and whose states are [u, u', x].
+
+        Parameters
+        ----------
+        system : control.StateSpace
+            In continuous time and in the form that `to_statespace` gives; another basis of the lag states is allowed.
+        base_motion, base_load, provenance
+            As in `AeroROM`.
+
+        Raises
+        ------
+        ValueError
+            If the system is not of that form or its lag states are not strictly stable.
+        """
+        matrices = statespace.unpack(system)
+        return cls(**matrices, base_motion=base_motion, base_load=base_load, provenance=provenance)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all arrays and the provenance are equal, value by value."""
+        if not isinstance(other, AeroROM):
+            return NotImplemented
+        return self.provenance == other.provenance and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in _ARRAYS
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.provenance, tuple(self.stiffness.ravel().tolist()), tuple(self.lag_state.ravel().tolist())))
+
+    def __repr__(self) -> str:
+        about = self.provenance
+        facts = [
+            "inviscid or unknown Reynolds number" if about.reynolds is None else f"Re = {about.reynolds:g}",
+            f"incidence {about.incidence:g} rad",
+        ]
+        if about.band is not None:
+            facts.append(f"band {about.band[0]:g} to {about.band[1]:g}")
+        if about.fit_error is not None:
+            facts.append(f"fit error {about.fit_error:.2g}")
+        lines = [f"AeroROM: {self.n_modes} modes, {self.n_lags} lag states", f"  {', '.join(facts)}"]
+        if self.n_lags:
+            lines.append(f"  slowest pole {self.poles[0]:.4g}, fastest {self.poles[-1]:.4g}")
+        if about.source:
+            lines.append(f"  {about.source.splitlines()[0][:110]}")
+        return "\n".join(lines)
+
+
+def _real(name: str, value: ArrayLike) -> Array:
+    """Return a new real array, or raise the ValueError that names what is wrong with it."""
+    try:
+        array = np.array(value)
+        number = array.astype(float) if not np.iscomplexobj(array) else None
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is not an array of real numbers ({error}); give an array of floats") from error
+    if number is None:
+        raise ValueError(f"{name} is not an array of real numbers (it is complex); give an array of floats")
+    bad = np.argwhere(~np.isfinite(number))
+    if bad.size:
+        where = tuple(int(i) for i in bad[0])
+        raise ValueError(f"{name}{list(where)} is {number[where]}; all values must be finite: identify the ROM again")
+    return number

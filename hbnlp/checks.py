@@ -1,0 +1,43 @@
+"""Checks of numbers that users give: what it is called, the value given, what is accepted."""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import Any
+
+
+def whole_number(name: str, value: Any, *, least: int, most: int | None = None, advice: str = "") -> int:
+    """Return ``value`` as an int within ``least`` and ``most``, or raise a ValueError that names it."""
+    accepted = f"an integer of at least {least}" if most is None else f"an integer from {least} to {most}"
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = least - 1
+    if number < least or isinstance(value, bool) or (most is not None and number > most):
+        raise ValueError(f"{name} is {value!r}; give {accepted}{advice}")
+    return number
+
+
+def real_number(
+    name: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, advice: str = ""
+) -> float:
+    """Return ``value`` as a finite float greater than ``above`` and at least ``least``, or raise an error naming it.
+
+    Raises
+    ------
+    TypeError
+        If it is no number.
+    ValueError
+        If it is not finite or too small.
+    """
+    bounds = [f" greater than {above:g}"] if above > -math.inf else []
+    bounds += [f" of at least {least:g}"] if least > -math.inf else []
+    accepted = f"a finite number{' and'.join(bounds)}{advice}"
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} is {value!r}; give {accepted}") from error
+    if not math.isfinite(number) or number <= above or number < least:
+        raise ValueError(f"{name} is {value!r}; give {accepted}")
+    return number

@@ -1,0 +1,30 @@
+"""Checks of numbers: what passes, and what the message of one that does not pass says."""
+
+import numpy as np
+import pytest
+
+from hbnlp.checks import real_number, whole_number
+
+
+@pytest.mark.parametrize("value", [3, np.int32(3), np.array(3)])
+def test_integers_of_any_kind_pass(value):
+    assert whole_number("n", value, least=1, most=3) == 3
+
+
+@pytest.mark.parametrize("value", [0, 4, 2.0, "2", True, None, np.array([2])])
+def test_what_is_no_integer_within_its_bounds_is_named(value):
+    with pytest.raises(ValueError, match=r"n is .*; give an integer from 1 to 3: fewer"):
+        whole_number("n", value, least=1, most=3, advice=": fewer")
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.array(2.0)])
+def test_numbers_of_any_kind_pass(value):
+    assert real_number("a", value, above=1.0) == 2.0
+
+
+@pytest.mark.parametrize(
+    ("value", "error"), [(1.0, ValueError), (np.nan, ValueError), (np.inf, ValueError), ("b", TypeError)]
+)
+def test_what_is_no_number_within_its_bounds_is_named(value, error):
+    with pytest.raises(error, match=r"a is .*; give a finite number greater than 1 and of at least 0"):
+        real_number("a", value, above=1.0, least=0.0)
