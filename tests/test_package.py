@@ -1,0 +1,58 @@
+"""The package as a user meets it: its version, its public names, what importing it costs, and the code in its texts."""
+
+import importlib.metadata
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import hbnlp
+
+ROOT = Path(__file__).parents[1]
+
+
+def run_python(code, folder):
+    """Run code in a new Python, warnings as errors, within folder."""
+    command = [sys.executable, "-W", "error", "-c", code]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=240)
+
+
+def python_blocks(path):
+    """Return the fenced Python of a Markdown file, joined: one script from top to bottom."""
+    return "\n".join(re.findall(r"^```python\n(.*?)^```$", path.read_text(encoding="utf-8"), flags=re.M | re.S))
+
+
+def test_importing_the_package_does_not_import_matplotlib_or_control(tmp_path):
+    code = "import sys, hbnlp; print(sorted({'matplotlib', 'control', 'tqdm.auto'} & set(sys.modules)))"
+    done = run_python(code, tmp_path)
+    assert done.stderr == ""
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_version_is_the_same_everywhere():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), flags=re.M)
+    assert citation is not None
+    assert project["version"] == citation[1] == importlib.metadata.version("hbnlp") == hbnlp.__version__
+
+
+def test_the_changelog_knows_the_version():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"## [{importlib.metadata.version('hbnlp')}]" in text
+
+
+def test_every_public_name_exists_and_is_documented():
+    assert len(set(hbnlp.__all__)) == len(hbnlp.__all__)
+    undocumented = [name for name in hbnlp.__all__ if not getattr(hbnlp, name).__doc__ and name != "__version__"]
+    assert undocumented == []
+
+
+@pytest.mark.parametrize("text", ["README.md", "docs/start.md", "docs/howto_own_equations.md"])
+def test_the_code_in_the_texts_runs_as_it_stands(text, tmp_path):
+    code = python_blocks(ROOT / text)
+    assert code
+    done = run_python(code, tmp_path)
+    assert done.returncode == 0, done.stderr
