@@ -45,7 +45,7 @@ class DynamicStiffness:
         self.omega = system.parameters.index("omega")
         self.lags = Lags(system.lag_state, system.lag_input, system.lag_motion)
         # forcing and motion are seldom evaluated: so many samples that their higher harmonics do not fold back
-        self._basis = FourierBasis(n_harmonics, max(128, 8 * n_coefficients(n_harmonics) * periods))
+        self.excitation_basis = FourierBasis(n_harmonics, max(128, 8 * n_coefficients(n_harmonics) * periods))
         self._matrices = [system.mass, system.damping, system.stiffness, system.lag_output]
         self._matrices += [system.input_stiffness, system.input_damping, system.input_mass]
         self._signals = [system.forcing, system.motion]
@@ -120,7 +120,7 @@ class DynamicStiffness:
     @cached_property
     def _functions(self) -> tuple[ca.Function, ca.Function]:
         signals = ca.Function("signals", [self.system.tau, self.system.p], [ca.densify(e) for e in self._signals])
-        return self.system.matrices, signals.map(self._basis.n_samples)
+        return self.system.matrices, signals.map(self.excitation_basis.n_samples)
 
     @cached_property
     def _derivative_functions(self) -> tuple[ca.Function, ca.Function]:
@@ -131,17 +131,17 @@ class DynamicStiffness:
 
         matrices = ca.Function("matrices_along", [p, direction], [along(e) for e in self._matrices])
         signals = ca.Function("signals_along", [self.system.tau, p, direction], [along(e) for e in self._signals])
-        return matrices, signals.map(self._basis.n_samples)
+        return matrices, signals.map(self.excitation_basis.n_samples)
 
     @property
     def _tau(self) -> Array:
-        return self.periods * self._basis.theta[None, :]
+        return self.periods * self.excitation_basis.theta[None, :]
 
     def _repeated(self, column: Array) -> Array:
-        return np.repeat(column[:, None], self._basis.n_samples, axis=1)
+        return np.repeat(column[:, None], self.excitation_basis.n_samples, axis=1)
 
     def _amplitudes(self, samples: ca.DM) -> ComplexArray:
-        return to_complex((self._basis.projection @ np.array(samples).T).T).T
+        return to_complex((self.excitation_basis.projection @ np.array(samples).T).T).T
 
     def _s(self, omega: float) -> ComplexArray:
         return (1j * omega / self.periods * np.arange(self.n_harmonics + 1))[:, None, None]

@@ -1,0 +1,314 @@
+"""Pseudo-arclength continuation: one trusted step after another along a curve, through its folds.
+
+Tangent predictor, corrector in the plane normal to the tangent (Keller 1977), a metric that measures changes relative to the
+present solution. A step is accepted only if the arc between its ends can be smooth: the angle between the tangents is small, the
+chord lies between them, and the orientation of the curve is kept. Otherwise it is refused and retried at half its length, so that
+the continuation neither jumps to a neighbouring leg nor turns back unnoticed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import brentq
+
+from hbnlp.fourier import Array
+from hbnlp.newton import Bordered, Curve, Newton, correct
+
+
+@dataclass(frozen=True, kw_only=True)
+class PseudoArclength:
+    """Options of the continuation; lengths are relative to the size of solution and parameter.
+
+    Parameters
+    ----------
+    step, min_step, max_step : float
+        First, smallest and largest step.
+    angle : float
+        Angle in degrees between successive tangents that the step control aims at; twice as much is refused.
+    max_points : int
+        Points after which a trace ends.
+    newton : Newton
+        The corrector.
+    """
+
+    step: float = 0.02
+    min_step: float = 1e-8
+    max_step: float = 0.2
+    angle: float = 10.0
+    max_points: int = 20_000
+    newton: Newton = field(default_factory=lambda: Newton(max_iterations=8))
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.min_step <= self.step <= self.max_step:
+            raise ValueError(
+                f"min_step = {self.min_step!r}, step = {self.step!r}, max_step = {self.max_step!r}; "
+                "0 < min_step <= step <= max_step is needed"
+            )
+        if not 0.0 < self.angle <= 40.0:
+            raise ValueError(f"angle = {self.angle!r}; between 0 and 40 degrees are accepted")
+        if self.max_points < 2:
+            raise ValueError(f"max_points = {self.max_points!r}; at least 2 are needed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A converged point of a curve, with its unit tangent in the metric ``scale`` and what the factors tell."""
+
+    y: Array
+    tangent: Array
+    scale: Array
+    orientation: float
+    log_determinant: float
+    residual: float
+    iterations: int = 0
+    factorisations: int = 0
+    arclength: float = 0.0
+    branch_point: BranchPoint | None = None
+
+    @property
+    def parameter(self) -> float:
+        """Value of the continuation parameter."""
+        return float(self.y[-1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchPoint:
+    """A point, located between two others, where another branch crosses; ``null`` spans the second direction."""
+
+    point: Point
+    null: Array
+
+
+class Stop(enum.Enum):
+    """Why a continuation cannot go on."""
+
+    STEP_TOO_SMALL = "no acceptable step was found: the corrector fails however small the step"
+    JUMP = "every step, however small, would jump to another branch or turn back"
+
+
+class StopContinuation(Exception):
+    """Raised by a step that cannot be made."""
+
+    def __init__(self, reason: Stop) -> None:
+        super().__init__(reason.value)
+        self.reason = reason
+
+
+class Continuation:
+    """Steps along a curve from a converged start; iterate over it for the points after the start.
+
+    Parameters
+    ----------
+    curve : Curve
+    start : Point
+        From `start_point`; its tangent says which way to go.
+    options : PseudoArclength
+
+    Attributes
+    ----------
+    point : Point
+        The last point.
+    step : float
+        Length that will be tried next.
+    refused : int
+        Steps that were refused so far.
+    """
+
+    def __init__(self, curve: Curve, start: Point, options: PseudoArclength) -> None:
+        self.curve = curve
+        self.point = start
+        self.options = options
+        self.step = options.step
+        self.refused = 0
+
+    def __iter__(self) -> Iterator[Point]:
+        """Yield accepted points for ever; end by raising StopContinuation."""
+        while True:
+            yield self.advance()
+
+    def advance(self, limits: tuple[float, float] | None = None) -> Point:
+        """Make one accepted step and return the new point; a step across a parameter limit is cut to end on it."""
+        reason = Stop.STEP_TOO_SMALL
+        while self.step >= self.options.min_step:
+            trial = self._trial(self.point, self.step, limits)
+            if trial is None:
+                reason = Stop.STEP_TOO_SMALL
+            else:
+                accepted, angle = self._accepted(self.point, trial)
+                if accepted is not None:
+                    self._adapt(angle, accepted.iterations)
+                    self.point = accepted
+                    return accepted
+                reason = Stop.JUMP
+            self.refused += 1
+            self.step *= 0.5
+        raise StopContinuation(reason)
+
+    def _trial(self, base: Point, step: float, limits: tuple[float, float] | None) -> Point | None:
+        guess = base.y + step * base.tangent
+        if limits is not None and not limits[0] <= guess[-1] <= limits[1]:
+            return self._onto_limit(base, step, limits)
+        trial = self.at(base, step)
+        if trial is not None and limits is not None and not limits[0] <= trial.parameter <= limits[1]:
+            return self._onto_limit(base, step, limits)
+        return trial
+
+    def _onto_limit(self, base: Point, step: float, limits: tuple[float, float]) -> Point | None:
+        """Return the point where the curve meets the limit ahead, or None if it does not do so within the step."""
+        bound = limits[1] if base.tangent[-1] > 0.0 else limits[0]
+        if base.tangent[-1] == 0.0 or base.parameter == bound:
+            return self.at(base, step)
+        length = min(step, (bound - base.parameter) / base.tangent[-1])
+        guess = base.y + length * base.tangent
+        guess[-1] = bound
+        row = np.zeros(guess.size)
+        row[-1] = 1.0 / base.scale[-1]
+        return finish(self.curve, guess, row, base, self.options.newton)
+
+    def at(self, base: Point, step: float) -> Point | None:
+        """Return the point in the plane at distance ``step`` along the tangent of ``base``, or None."""
+        row = base.tangent / base.scale**2
+        return finish(self.curve, base.y + step * base.tangent, row, base, self.options.newton)
+
+    def _accepted(self, base: Point, trial: Point) -> tuple[Point | None, float]:
+        scale = base.scale
+        chord = (trial.y - base.y) / scale
+        length = float(np.linalg.norm(chord))
+        before, after = base.tangent / scale, trial.tangent / scale
+        after = after / np.linalg.norm(after)
+        angle = _angle(before, after)
+        middle = before + after
+        aside = _angle(chord / length, middle / np.linalg.norm(middle)) if length > 0.0 else np.pi
+        limit = np.radians(self.options.angle)
+        if angle > 2.0 * limit or aside > 0.3 * angle + 0.02:
+            return None, angle
+        branch_point = None
+        if trial.orientation != base.orientation:
+            branch_point = self._locate_branch_point(base, trial)
+            if branch_point is None:
+                return None, angle
+        arclength = base.arclength + length
+        return dataclasses.replace(trial, arclength=arclength, branch_point=branch_point), angle
+
+    def _adapt(self, angle: float, iterations: int) -> None:
+        factor = np.radians(self.options.angle) / max(angle, 1e-12)
+        if iterations > 5:
+            factor = min(factor, 0.7)
+        self.step = float(np.clip(self.step * np.clip(factor, 0.5, 1.6), self.options.min_step, self.options.max_step))
+
+    def _locate_branch_point(self, base: Point, trial: Point) -> BranchPoint | None:
+        """Return where the orientation changes; None if it changes by a jump and not through a singular point."""
+
+        def test(point: Point) -> float:
+            return point.orientation * float(np.exp(point.log_determinant - base.log_determinant))
+
+        # at the singular point itself the corrector has nothing to hold on to: stop short of it and interpolate
+        located = locate(self, base, trial, test, tol=1e-4)
+        if located is None:
+            return None
+        return BranchPoint(point=located, null=_second_null_vector(self.curve, located))
+
+
+def locate(
+    stepper: Continuation, base: Point, end: Point, test: Callable[[Point], float], *, tol: float = 0.0
+) -> Point | None:
+    """Return the point between two others where ``test`` vanishes, by Brent's method along the tangent of ``base``.
+
+    The search ends when ``test`` is below ``tol`` times its larger value at the ends, and the two points next to the zero are
+    interpolated. None is returned if a corrector fails, or if the points do not close in on one another: a jump.
+    """
+    row = base.tangent / base.scale**2
+    length = float(row @ (end.y - base.y))
+    points = {0.0: base, length: end}
+    found = {0.0: test(base), length: test(end)}
+    enough = tol * max(abs(found[0.0]), abs(found[length]))
+
+    def along(step: float) -> float:
+        if step not in found:
+            nearest = min(points, key=lambda s: abs(s - step))
+            guess = points[nearest].y + (step - nearest) * base.tangent
+            point = finish(stepper.curve, guess, row, points[nearest], stepper.options.newton)
+            if point is None:
+                raise ArithmeticError
+            points[step], found[step] = point, test(point)
+        return found[step] if abs(found[step]) > enough else 0.0
+
+    try:
+        root = brentq(along, 0.0, length, xtol=1e-12 * length, rtol=8.9e-16, maxiter=60)
+    except ArithmeticError:
+        return None
+    signs = np.sign(found[0.0])
+    left = max((s for s in found if s <= root and found[s] * signs > 0.0), default=0.0)
+    right = min((s for s in found if s >= root and found[s] * signs <= 0.0), default=length)
+    if abs(found[root]) > max(enough, 1e-3 * max(abs(found[0.0]), abs(found[length]))):
+        return None
+    if float(np.linalg.norm((points[right].y - points[left].y) / base.scale)) > 3.0 * (right - left) + 1e-6 * length:
+        return None
+    share = found[left] / (found[left] - found[right]) if found[left] != found[right] else 0.0
+    y = points[left].y + share * (points[right].y - points[left].y)
+    return dataclasses.replace(points[root], y=y)
+
+
+def start_point(curve: Curve, y: Array, direction: float) -> Point:
+    """Return a converged y as a point whose tangent has the sign of ``direction`` in the parameter."""
+    scale = curve.scale(y)
+    jacobian = curve.jacobian(y)
+    # the null vector of [dR/dx, dR/dlambda]: bordered by the parameter's unit vector, or by what the SVD says at a fold
+    row = np.zeros(y.size)
+    row[-1] = 1.0 / scale[-1]
+    factors = Bordered(jacobian, row)
+    unit = np.zeros(y.size)
+    unit[-1] = 1.0
+    tangent = factors.solve(unit) if not factors.singular else np.linalg.svd(jacobian * scale)[2][-1] * scale
+    tangent *= np.sign(direction) * (np.sign(tangent[-1]) or 1.0) / np.linalg.norm(tangent / scale)
+    orientation, log_determinant = Bordered(jacobian, tangent / scale**2).determinant()
+    residual = float(np.max(np.abs(curve.residual(y)), initial=0.0)) / max(curve.term_size(y), np.finfo(float).tiny)
+    return Point(
+        y=y, tangent=tangent, scale=scale, orientation=orientation, log_determinant=log_determinant, residual=residual
+    )
+
+
+def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton) -> Point | None:
+    """Return the corrected point with its tangent, turned the way of ``base``, or None if Newton's method failed."""
+    correction = correct(curve, guess, row, options)
+    if not correction.converged:
+        return None
+    y = correction.y
+    scale = curve.scale(y)
+    border = base.tangent / base.scale**2
+    factors = Bordered(curve.jacobian(y), border)
+    if factors.singular:
+        return None
+    unit = np.zeros(y.size)
+    unit[-1] = 1.0
+    tangent = factors.solve(unit)
+    length = float(np.linalg.norm(tangent / scale))
+    sign, log_determinant = factors.determinant()
+    # det [J; t^T/s^2] from det [J; border]: both rows see the null vector t of J, t.t/s^2 = 1 and border . t = 1 / length
+    return Point(
+        y=y,
+        tangent=tangent / length,
+        scale=scale,
+        orientation=sign,
+        log_determinant=log_determinant + float(np.log(length)),
+        residual=correction.residual,
+        iterations=correction.iterations,
+        factorisations=correction.factorisations + 1,
+    )
+
+
+def _second_null_vector(curve: Curve, point: Point) -> Array:
+    """Return the unit vector that J maps to (nearly) zero and that is normal to the tangent, in the metric of the point."""
+    matrix = np.vstack([curve.jacobian(point.y) * point.scale, point.tangent / point.scale])
+    return np.asarray(np.linalg.svd(matrix)[2][-1] * point.scale)
+
+
+def _angle(a: Array, b: Array) -> float:
+    """Return the angle between unit vectors, accurate when it is small."""
+    return float(2.0 * np.arcsin(min(1.0, 0.5 * float(np.linalg.norm(a - b)))))
+

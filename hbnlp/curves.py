@@ -1,0 +1,84 @@
+"""The curves that are traced: solutions against a parameter, and against the size of the load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbnlp.balance import HarmonicBalance
+from hbnlp.fourier import Array
+
+
+class ParameterCurve:
+    """Solutions ``y = (x, lambda)`` of a balance against one parameter, the others fixed.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    values : array
+        All parameters in order; the entry of the continuation parameter is ignored.
+    name : str
+        The continuation parameter.
+    floor : float
+        Changes of lambda are measured relative to itself, or to this where it is smaller.
+    """
+
+    def __init__(self, problem: HarmonicBalance, values: Array, name: str, floor: float) -> None:
+        self.problem = problem
+        self.size = problem.size
+        self.name = name
+        self.index = problem.system.parameters.index(name)
+        self.floor = floor
+        self.solution_floor = np.finfo(float).tiny
+        self._values = values.copy()
+
+    def values(self, y: Array) -> Array:
+        """Return all parameters at a point."""
+        values = self._values.copy()
+        values[self.index] = y[-1]
+        return values
+
+    def residual(self, y: Array) -> Array:
+        return self.problem.assembly.residual(y[:-1], self.values(y))
+
+    def jacobian(self, y: Array) -> Array:
+        assembly, values = self.problem.assembly, self.values(y)
+        jacobian = np.empty((self.size, self.size + 1))
+        jacobian[:, :-1] = assembly.jacobian(y[:-1], values)
+        jacobian[:, -1] = assembly.parameter_derivative(y[:-1], values, self.index)
+        return jacobian
+
+    def scale(self, y: Array) -> Array:
+        scale = np.full(y.size, max(float(np.linalg.norm(y[:-1])), self.solution_floor))
+        scale[-1] = max(abs(y[-1]), self.floor)
+        return scale
+
+    def term_size(self, y: Array) -> float:
+        return self.problem.assembly.term_size(y[:-1], self.values(y))
+
+
+class LoadCurve:
+    """Solutions ``y = (x, load)`` at fixed parameters, the excitation multiplied by ``load``: the way from rest to 1."""
+
+    def __init__(self, problem: HarmonicBalance, values: Array) -> None:
+        self.problem = problem
+        self.size = problem.size
+        self.solution_floor = np.finfo(float).tiny
+        self._values = values
+
+    def residual(self, y: Array) -> Array:
+        return self.problem.assembly.residual(y[:-1], self._values, load=y[-1])
+
+    def jacobian(self, y: Array) -> Array:
+        assembly = self.problem.assembly
+        jacobian = np.empty((self.size, self.size + 1))
+        jacobian[:, :-1] = assembly.jacobian(y[:-1], self._values)
+        jacobian[:, -1] = assembly.load_derivative(self._values)
+        return jacobian
+
+    def scale(self, y: Array) -> Array:
+        scale = np.full(y.size, max(float(np.linalg.norm(y[:-1])), self.solution_floor))
+        scale[-1] = max(abs(y[-1]), 0.1)
+        return scale
+
+    def term_size(self, y: Array) -> float:
+        return self.problem.assembly.term_size(y[:-1], self._values)

@@ -1,0 +1,155 @@
+"""Newton's method on a curve ``R(y) = 0`` with one more unknown than equations, closed by a plane.
+
+Each corrector solves the bordered system::
+
+    [ dR/dy ]        [ R(y)              ]
+    [ row   ] d  = - [ row . (y - plane) ]
+
+with LAPACK. The Jacobian is kept for as long as the steps shrink well (simplified Newton; Deuflhard 2004, section 2.1,
+doi:10.1007/978-3-642-23899-4), so that a point costs about one factorisation besides that of its tangent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import lapack
+
+from hbnlp.fourier import Array
+
+SLOW = 0.2
+"""A larger ratio of successive steps calls for a new Jacobian."""
+
+
+class Curve(Protocol):
+    """Equations R(y) = 0, ``size`` of them, in y of one entry more; the last entry is the continuation parameter."""
+
+    size: int
+
+    def residual(self, y: Array) -> Array:
+        """Return R(y), (size,)."""
+        ...
+
+    def jacobian(self, y: Array) -> Array:
+        """Return dR/dy, (size, size + 1)."""
+        ...
+
+    def scale(self, y: Array) -> Array:
+        """Return the sizes (size + 1,) by which changes of y are measured."""
+        ...
+
+    def term_size(self, y: Array) -> float:
+        """Return the size of the terms whose sum is R."""
+        ...
+
+
+class Bordered:
+    """LU factors of [jacobian; row], a square matrix."""
+
+    def __init__(self, jacobian: Array, row: Array) -> None:
+        size = row.size
+        matrix = np.empty((size, size))
+        matrix[:-1] = jacobian
+        matrix[-1] = row
+        # LAPACK sees the transpose of an array stored by rows; the solves below undo that without a copy
+        self._lu, self._pivots, info = lapack.dgetrf(matrix.T, overwrite_a=True)
+        self.singular = bool(info > 0) or not np.isfinite(self._lu[-1, -1])
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for the right side (size,) or (size, k)."""
+        return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0])
+
+    def determinant(self) -> tuple[float, float]:
+        """Return sign and logarithm of the modulus of the determinant."""
+        diagonal = np.diagonal(self._lu)
+        swaps = np.count_nonzero(self._pivots != np.arange(self._pivots.size))
+        negative = np.count_nonzero(diagonal < 0.0) + swaps
+        with np.errstate(divide="ignore"):
+            return (-1.0 if negative % 2 else 1.0), float(np.sum(np.log(np.abs(diagonal))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Newton:
+    """Newton's method with a Jacobian that is kept while it serves.
+
+    Parameters
+    ----------
+    tol : float
+        Bound on the error that remains, relative to the size of the solution (estimated from the rate of convergence).
+    max_iterations : int
+        Steps before it is given up.
+    """
+
+    tol: float = 1e-10
+    max_iterations: int = 20
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tol < 1e-2:
+            raise ValueError(f"tol = {self.tol!r}; a relative tolerance between 0 and 0.01 is needed")
+        if self.max_iterations < 1:
+            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """What Newton's method made of a guess."""
+
+    y: Array
+    converged: bool
+    iterations: int
+    factorisations: int
+    error: float
+    residual: float
+    reason: str = ""
+
+
+def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correction:
+    """Return the point of the curve on the plane ``row . (y - guess) = 0``.
+
+    The result is not converged when the steps do not shrink, when something is not finite, or after the iterations allowed.
+    """
+    y = guess.copy()
+    factors: Bordered | None = None
+    factorisations, last, error = 0, np.inf, np.inf
+    right = np.zeros(y.size)
+    for iteration in range(1, options.max_iterations + 1):
+        right[:-1] = curve.residual(y)
+        right[-1] = row @ (y - guess)
+        if not np.isfinite(right.sum()):
+            return _failed(y, iteration, factorisations, error, "the residual is not finite")
+        if factors is None:
+            factors = Bordered(curve.jacobian(y), row)
+            factorisations += 1
+            if factors.singular:
+                return _failed(y, iteration, factorisations, error, "the Jacobian is singular or not finite")
+        step = factors.solve(right)
+        y -= step
+        size = float(np.linalg.norm(step / curve.scale(y)))
+        rate = size / last
+        if iteration > 1:
+            error = size * rate / (1.0 - rate) if rate < 1.0 else np.inf
+        if min(error, size) <= options.tol:
+            residual = float(np.max(np.abs(curve.residual(y)), initial=0.0)) / max(curve.term_size(y), np.finfo(float).tiny)
+            return Correction(
+                y=y, converged=True, iterations=iteration, factorisations=factorisations, error=error, residual=residual
+            )
+        if not np.isfinite(size) or size > 1e8:
+            return _failed(y, iteration, factorisations, error, "the steps of Newton's method grow without bound")
+        if rate > SLOW and iteration > 1:
+            factors = None
+        last = size
+    return _failed(y, options.max_iterations, factorisations, error, f"no convergence in {options.max_iterations} iterations")
+
+
+def _failed(y: Array, iterations: int, factorisations: int, error: float, reason: str) -> Correction:
+    return Correction(
+        y=y,
+        converged=False,
+        iterations=iterations,
+        factorisations=factorisations,
+        error=error,
+        residual=np.inf,
+        reason=reason,
+    )
