@@ -85,7 +85,11 @@ class HarmonicBalance:
         return HarmonicBalance(self.system, n_harmonics, periods=self.periods)
 
     def oversampled(self) -> HarmonicBalance:
-        """Return the same balance with twice the samples."""
+        """Return the same balance with twice the samples (always the same object, so that it is built once)."""
+        return self._oversampled
+
+    @cached_property
+    def _oversampled(self) -> HarmonicBalance:
         if 2 * self.n_samples > MOST_SAMPLES:
             raise ValueError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "

@@ -224,6 +224,8 @@ def locate(
     """
     row = base.tangent / base.scale**2
     length = float(row @ (end.y - base.y))
+    if length <= 0.0:
+        return None
     points = {0.0: base, length: end}
     found = {0.0: test(base), length: test(end)}
     enough = tol * max(abs(found[0.0]), abs(found[length]))
@@ -254,8 +256,8 @@ def locate(
     return dataclasses.replace(points[root], y=y)
 
 
-def start_point(curve: Curve, y: Array, direction: float) -> Point:
-    """Return a converged y as a point whose tangent has the sign of ``direction`` in the parameter."""
+def start_point(curve: Curve, y: Array, toward: Array) -> Point:
+    """Return a converged y as a point whose tangent makes an acute angle with ``toward``."""
     scale = curve.scale(y)
     jacobian = curve.jacobian(y)
     # the null vector of [dR/dx, dR/dlambda]: bordered by the parameter's unit vector, or by what the SVD says at a fold
@@ -265,7 +267,8 @@ def start_point(curve: Curve, y: Array, direction: float) -> Point:
     unit = np.zeros(y.size)
     unit[-1] = 1.0
     tangent = factors.solve(unit) if not factors.singular else np.linalg.svd(jacobian * scale)[2][-1] * scale
-    tangent *= np.sign(direction) * (np.sign(tangent[-1]) or 1.0) / np.linalg.norm(tangent / scale)
+    along = float((tangent / scale) @ (toward / scale))
+    tangent *= (np.sign(along) or 1.0) / np.linalg.norm(tangent / scale)
     orientation, log_determinant = Bordered(jacobian, tangent / scale**2).determinant()
     residual = float(np.max(np.abs(curve.residual(y)), initial=0.0)) / max(curve.term_size(y), np.finfo(float).tiny)
     return Point(

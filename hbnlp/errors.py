@@ -17,6 +17,14 @@ class ConvergenceError(HbnlpError):
         self.result = result
 
 
+class TraceError(HbnlpError):
+    """An error ended a trace; ``branch`` holds all points computed before it, the error itself is the cause."""
+
+    def __init__(self, message: str, branch: Any) -> None:
+        super().__init__(message)
+        self.branch = branch
+
+
 class NonFiniteError(HbnlpError):
     """A user's force, forcing or output gave a value or derivative that is not finite."""
 

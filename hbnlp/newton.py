@@ -61,6 +61,10 @@ class Bordered:
         """Return the solution for the right side (size,) or (size, k)."""
         return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0])
 
+    def solve_transposed(self, right: Array) -> Array:
+        """Return the solution of the transposed system."""
+        return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0])
+
     def determinant(self) -> tuple[float, float]:
         """Return sign and logarithm of the modulus of the determinant."""
         diagonal = np.diagonal(self._lu)

@@ -1,0 +1,318 @@
+"""A traced branch and its special points: data, summary, one portable file."""
+
+from __future__ import annotations
+
+import enum
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbnlp.balance import HarmonicBalance
+from hbnlp.fourier import Array, ComplexArray
+from hbnlp.parameters import unknown_name
+from hbnlp.solution import Solution
+from hbnlp.storage import load_arrays, save_arrays
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+_KIND = "branch"
+
+
+class Kind(enum.Enum):
+    """What happens at a special point."""
+
+    FOLD = "fold"
+    BRANCH_POINT = "branch point"
+    PERIOD_DOUBLING = "period doubling"
+    NEIMARK_SACKER = "Neimark-Sacker"
+    PEAK = "peak"
+
+
+class End(enum.Enum):
+    """Why a branch ends."""
+
+    SPAN_END = "reached the end of the span"
+    SPAN_START = "came back to the start of the span"
+    CLOSED = "closed on itself"
+    MAX_POINTS = "reached max_points; resume it, with a larger max_points"
+    STEP_TOO_SMALL = "the corrector fails however small the step; try more harmonics or a tighter PseudoArclength(angle=...)"
+    JUMP = "every step, however small, would jump to another branch or turn back; another start on the far side may go on"
+    INTERRUPTED = "interrupted; resume it"
+    ERROR = "an error was raised"
+    STOPPED = "stopped by a callback; resume it"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpecialPoint:
+    """A point where something happens, bracketed by two points of the branch and then solved for.
+
+    Attributes
+    ----------
+    kind : Kind
+    value : float
+        The continuation parameter there.
+    bracket : (float, float)
+        Its values at the two points of the branch between which the special point lies.
+    index : int
+        Number of the branch's point before it.
+    refined : bool
+        Whether it was solved for; if not, value and solution are those of the nearer end of the bracket.
+    solution : Solution
+    null : array (n_dof, 2H+1) or None
+        Null vector of the Jacobian at a fold; second tangent direction at a branch point; for a Floquet bifurcation the
+        displacement part of the critical mode is found by `hbnlp.switch_branch`.
+    multiplier : complex or None
+        The critical Floquet multiplier, where one was computed.
+    sensitivity : dict
+        At a fold: derivative of its value by every other parameter, from the left null vector.
+    """
+
+    kind: Kind
+    value: float
+    bracket: tuple[float, float]
+    index: int
+    refined: bool
+    solution: Solution = field(repr=False)
+    null: Array | None = field(default=None, repr=False)
+    multiplier: complex | None = None
+    sensitivity: Mapping[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        state = "" if self.refined else " (not refined)"
+        return f"{self.kind.value} at {self.value:.12g}{state}, between {self.bracket[0]:.8g} and {self.bracket[1]:.8g}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Branch:
+    """Points along a curve of periodic solutions, in order.
+
+    Attributes
+    ----------
+    name : str
+        The continuation parameter.
+    span : (float, float)
+    parameter : array (n_points,)
+        Its values.
+    coefficients : array (n_points, n_dof, 2H+1)
+        Ordered ``a_0, a_1 (cos), a_2 (sin), ...``.
+    amplitudes : array (n_points, n_outputs, H+1), complex
+        Harmonics of all outputs.
+    multipliers : array (n_points, n_state), complex, or None
+        Floquet multipliers by decreasing modulus; None where stability was off.
+    stable : array (n_points,), bool, or None
+    stability_error : array (n_points,) or None
+        Estimated error of the multipliers.
+    stability_converged : array (n_points,), bool, or None
+        False where the multipliers could not be had to the tolerance.
+    arclength, residual : array (n_points,)
+        Length in the continuation's metric; residual relative to its terms.
+    iterations, n_samples : array (n_points,), int
+    special_points : tuple of SpecialPoint
+    end : End
+    message : str
+    parameters : dict
+        Values of all other parameters.
+    system_name, output_names, periods
+        What was traced.
+    refused : int
+        Steps that were refused and retried.
+    problem : HarmonicBalance or None
+        None for a branch loaded from a file.
+    """
+
+    name: str
+    span: tuple[float, float]
+    parameter: Array
+    coefficients: Array
+    amplitudes: ComplexArray
+    multipliers: ComplexArray | None
+    stable: NDArray[np.bool_] | None
+    stability_error: Array | None
+    stability_converged: NDArray[np.bool_] | None
+    arclength: Array
+    residual: Array
+    iterations: NDArray[np.int_]
+    n_samples: NDArray[np.int_]
+    special_points: tuple[SpecialPoint, ...]
+    end: End
+    message: str
+    parameters: Mapping[str, float]
+    parameter_names: tuple[str, ...]
+    system_name: str
+    output_names: tuple[str, ...]
+    periods: int
+    refused: int
+    problem: HarmonicBalance | None = field(default=None, repr=False)
+
+    def __len__(self) -> int:
+        return int(self.parameter.size)
+
+    @property
+    def n_harmonics(self) -> int:
+        """Number of harmonics H."""
+        return (self.coefficients.shape[2] - 1) // 2
+
+    def harmonics(self, output: str) -> ComplexArray:
+        """Return the complex amplitudes (n_points, H+1) of a named output: ``a_0`` and ``a_{2h-1} - i a_{2h}``."""
+        if output not in self.output_names:
+            raise KeyError(unknown_name("output", output, self.output_names))
+        return self.amplitudes[:, self.output_names.index(output)]
+
+    def values(self, index: int) -> dict[str, float]:
+        """Return the values of all parameters at a point, in the system's order."""
+        return {n: float(self.parameter[index]) if n == self.name else self.parameters[n] for n in self.parameter_names}
+
+    def solution(self, index: int) -> Solution:
+        """Return one point as a Solution."""
+        return Solution(
+            coefficients=self.coefficients[index],
+            parameters=self.values(index),
+            amplitudes=self.amplitudes[index],
+            output_names=self.output_names,
+            periods=self.periods,
+            statistics={"residual": float(self.residual[index]), "samples": int(self.n_samples[index])},
+            problem=self.problem,
+        )
+
+    def of_kind(self, kind: Kind) -> tuple[SpecialPoint, ...]:
+        """Return the special points of one kind, in branch order."""
+        return tuple(point for point in self.special_points if point.kind is kind)
+
+    @property
+    def folds(self) -> tuple[SpecialPoint, ...]:
+        """The folds, in branch order."""
+        return self.of_kind(Kind.FOLD)
+
+    @property
+    def branch_points(self) -> tuple[SpecialPoint, ...]:
+        """The branch points, in branch order."""
+        return self.of_kind(Kind.BRANCH_POINT)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the branch is a loop (an isola)."""
+        return self.end is End.CLOSED
+
+    def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
+        """Draw the amplitude of one harmonic of an output against the parameter; see `hbnlp.plot.plot_branch`."""
+        from hbnlp.plot import plot_branch  # noqa: PLC0415  matplotlib is imported only when something is drawn
+
+        return plot_branch(self, output, ax=ax, harmonic=harmonic, **options)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the branch to one ``.npz`` file without pickle, whole or not at all.
+
+        Raises
+        ------
+        SaveError
+            If it cannot be written; the branch in memory and an older file are as they were.
+        """
+        arrays = {name: getattr(self, name) for name in _COLUMNS if getattr(self, name) is not None}
+        points = self.special_points
+        if points:
+            arrays["special_coefficients"] = np.array([p.solution.coefficients for p in points])
+            arrays["special_amplitudes"] = np.array([p.solution.amplitudes for p in points])
+            absent = np.full(self.coefficients.shape[1:], np.nan)
+            arrays["special_null"] = np.array([absent if p.null is None else p.null for p in points])
+        metadata = {name: getattr(self, name) for name in _METADATA}
+        metadata["parameters"] = dict(self.parameters)
+        metadata["end"] = self.end.name
+        metadata["special_points"] = [_special_metadata(p) for p in points]
+        save_arrays(path, _KIND, arrays, metadata)
+
+    def __repr__(self) -> str:
+        low, high = (float(f(self.parameter)) for f in (np.min, np.max))
+        counts = ", ".join(f"{len(self.of_kind(kind))} {kind.value}s" for kind in Kind if self.of_kind(kind)) or "none"
+        stability = "not computed"
+        if self.stable is not None:
+            stability = f"{np.count_nonzero(self.stable)} stable, {np.count_nonzero(~self.stable)} unstable points"
+        return (
+            f"Branch of {self.system_name!r}: {len(self)} points, {self.n_harmonics} harmonics\n"
+            f"  {self.name} from {self.parameter[0]:.6g} to {self.parameter[-1]:.6g}, within [{low:.6g}, {high:.6g}]\n"
+            f"  special points: {counts}\n"
+            f"  stability: {stability}\n"
+            f"  end: {self.message}"
+        )
+
+
+_COLUMNS = (
+    "parameter",
+    "coefficients",
+    "amplitudes",
+    "multipliers",
+    "stable",
+    "stability_error",
+    "stability_converged",
+    "arclength",
+    "residual",
+    "iterations",
+    "n_samples",
+)
+_METADATA = ("name", "span", "message", "parameter_names", "system_name", "output_names", "periods", "refused")
+
+
+def load_branch(path: str | os.PathLike[str]) -> Branch:
+    """Return a branch from a file that `Branch.save` wrote; no system is needed.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file is damaged or holds something else.
+    """
+    arrays, metadata = load_arrays(path, _KIND)
+    columns: dict[str, Any] = {name: arrays.get(name) for name in _COLUMNS}
+    fields = {name: tuple(v) if isinstance(v := metadata[name], list) else v for name in _METADATA}
+    shared = {"output_names": fields["output_names"], "periods": fields["periods"]}
+    points = []
+    for i, entry in enumerate(metadata["special_points"]):
+        null = arrays["special_null"][i]
+        solution = Solution(
+            coefficients=arrays["special_coefficients"][i],
+            amplitudes=arrays["special_amplitudes"][i],
+            parameters=entry["parameters"],
+            statistics=entry["statistics"],
+            **shared,
+        )
+        points.append(
+            SpecialPoint(
+                kind=Kind[entry["kind"]],
+                value=entry["value"],
+                bracket=(entry["bracket"][0], entry["bracket"][1]),
+                index=entry["index"],
+                refined=entry["refined"],
+                solution=solution,
+                null=None if np.all(np.isnan(null)) else null,
+                multiplier=None if entry["multiplier"] is None else complex(*entry["multiplier"]),
+                sensitivity=entry["sensitivity"],
+            )
+        )
+    return Branch(
+        **columns,
+        **fields,
+        parameters=metadata["parameters"],
+        end=End[metadata["end"]],
+        special_points=tuple(points),
+    )
+
+
+def _special_metadata(point: SpecialPoint) -> dict[str, Any]:
+    return {
+        "kind": point.kind.name,
+        "value": point.value,
+        "bracket": list(point.bracket),
+        "index": point.index,
+        "refined": point.refined,
+        "parameters": dict(point.solution.parameters),
+        "statistics": dict(point.solution.statistics),
+        "multiplier": None if point.multiplier is None else [point.multiplier.real, point.multiplier.imag],
+        "sensitivity": dict(point.sensitivity),
+    }
+
+

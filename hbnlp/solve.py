@@ -1,0 +1,262 @@
+"""All unknowns at one parameter point: Newton's method, CasADi's rootfinder or IPOPT, from a guess or from nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.balance import HarmonicBalance
+from hbnlp.continuation import Continuation, PseudoArclength, StopContinuation, start_point
+from hbnlp.curves import LoadCurve
+from hbnlp.errors import ConvergenceError, NonFiniteError
+from hbnlp.fourier import Array
+from hbnlp.newton import Correction, Newton, correct
+from hbnlp.solution import Solution, Status, make_solution
+
+ALIASING_TOL = 1e-9
+"""More samples of the force must not move the residual by more than this, relative to its terms."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ipopt:
+    """IPOPT with exact first and second derivatives: slower than Newton's method, and content with worse guesses.
+
+    Parameters
+    ----------
+    tol : float
+        Its convergence tolerance, on scaled optimality and feasibility.
+    max_iterations : int
+
+    References
+    ----------
+    Waechter, Biegler (2006), Math. Program. 106, 25-57, doi:10.1007/s10107-004-0559-y.
+    """
+
+    tol: float = 1e-12
+    max_iterations: int = 500
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tol < 1e-2:
+            raise ValueError(f"tol = {self.tol!r}; a tolerance between 0 and 0.01 is needed")
+        if self.max_iterations < 1:
+            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+
+    def options(self) -> dict[str, object]:
+        """Return the options of CasADi's ``nlpsol``."""
+        return {
+            "print_time": False,
+            "error_on_fail": False,
+            "ipopt": {
+                "tol": self.tol,
+                "constr_viol_tol": self.tol,
+                "acceptable_iter": 0,
+                "max_iter": self.max_iterations,
+                "print_level": 0,
+                "sb": "yes",
+                "mu_strategy": "adaptive",
+                "nlp_scaling_method": "gradient-based",
+            },
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rootfinder:
+    """CasADi's ``rootfinder`` on the symbolic residual.
+
+    Parameters
+    ----------
+    plugin : str
+        "newton", "fast_newton" or "kinsol".
+    tol : float
+        Absolute tolerance on the residual.
+    max_iterations : int
+    """
+
+    plugin: str = "newton"
+    tol: float = 1e-12
+    max_iterations: int = 100
+
+    def __post_init__(self) -> None:
+        known = ("newton", "fast_newton", "kinsol")
+        if self.plugin not in known:
+            raise ValueError(f"plugin = {self.plugin!r}; one of {', '.join(known)} is needed")
+
+
+Method = Newton | Ipopt | Rootfinder
+
+
+def solve(
+    problem: HarmonicBalance,
+    *,
+    at: Mapping[str, float] | None = None,
+    guess: Solution | ArrayLike | None = None,
+    method: Method | None = None,
+    throw: bool = True,
+) -> Solution:
+    """Return a periodic solution at one parameter point.
+
+    Without a guess it starts from the linear response and, where Newton's method fails there, from the solution with fewer
+    harmonics, then along the solutions that lead from rest as the load grows to its value (a continuation, so folds on the way
+    do not matter), and last by IPOPT.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    at : mapping, optional
+        Parameter values; the system's own for the rest.
+    guess : Solution or array (n_dof, any odd number), optional
+        A start.
+    method : Newton, Ipopt or Rootfinder, optional
+        Newton by default.
+    throw : bool
+        Raise a ConvergenceError, with the unconverged solution as ``result``, rather than returning that.
+
+    Raises
+    ------
+    ConvergenceError
+        If nothing converged and ``throw`` is true.
+    KeyError, ValueError
+        For a parameter that is not known, or has no value.
+    NonFiniteError
+        If the force or its derivative is not finite at the guess.
+    """
+    values = problem.values(at)
+    method = method or Newton()
+    if guess is not None:
+        start = guess.coefficients if isinstance(guess, Solution) else guess
+        solution = attempt(problem, values, problem.vector(np.asarray(start)), method, start="guess")
+    else:
+        solution = _cold(problem, values, method)
+    if solution.converged or not throw:
+        return solution
+    point = ", ".join(f"{k}={v:g}" for k, v in solution.parameters.items())
+    raise ConvergenceError(f"no solution at {point}: {solution.statistics['reason']}. {Status.NOT_CONVERGED.value}", solution)
+
+
+def linear_response(problem: HarmonicBalance, values: Array) -> Array:
+    """Return the response of the system linearised about rest, as a vector of unknowns.
+
+    Raises
+    ------
+    NonFiniteError
+        If the force or its derivative at rest is not finite.
+    """
+    rest = np.zeros(problem.size)
+    residual, jacobian = problem.assembly.residual(rest, values), problem.assembly.jacobian(rest, values)
+    for what, array in (("value", residual), ("derivative", jacobian)):
+        if not np.all(np.isfinite(array)):
+            raise NonFiniteError(
+                f"the {what} of nonlinear_force, of forcing or of a matrix is not finite at rest "
+                f"(q = 0, {problem.system.parameters.as_dict(values)}): smooth it there, or give a guess"
+            )
+    return np.asarray(-np.linalg.lstsq(jacobian, residual, rcond=None)[0])
+
+
+def _cold(problem: HarmonicBalance, values: Array, method: Method) -> Solution:
+    try:
+        linear = linear_response(problem, values)
+    except NonFiniteError:
+        linear = np.full(problem.size, 1e-3)
+    solution = attempt(problem, values, linear, method, start="linear response")
+    if solution.converged or not isinstance(method, Newton):
+        return solution
+    if problem.n_harmonics > 1:
+        fewer = problem.with_harmonics(1)
+        coarse = attempt(fewer, values, fewer.vector(linear.reshape(problem.shape)), method, start="linear response")
+        if coarse.converged:
+            solution = attempt(problem, values, problem.vector(coarse.coefficients), method, start="one harmonic")
+    if not solution.converged:
+        grown = from_rest(problem, values, method)
+        if grown is not None:
+            solution = attempt(problem, values, grown, method, start="growing load")
+    if not solution.converged:
+        solution = attempt(problem, values, linear, Ipopt(), start="linear response")
+    return solution
+
+
+def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array | None:
+    """Return the unknowns reached by continuation in the load from rest to its full size, or None."""
+    curve = LoadCurve(problem, values)
+    full = np.zeros(problem.size + 1)
+    full[-1] = 1.0
+    rest = correct(curve, np.zeros(problem.size + 1), full, newton)
+    if not rest.converged:
+        return None
+    linear = linear_response(problem, values)
+    curve.solution_floor = max(1e-3 * float(np.linalg.norm(linear)), np.finfo(float).tiny)
+    walk = Continuation(curve, start_point(curve, rest.y, full), PseudoArclength(max_points=2000))
+    try:
+        for _ in range(walk.options.max_points):
+            if walk.advance((-1.0, 1.0)).parameter in (-1.0, 1.0):
+                break
+    except StopContinuation:
+        return None
+    return walk.point.y[:-1] if walk.point.parameter == 1.0 else None
+
+
+def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Method, *, start: str) -> Solution:
+    """Return what the method makes of a guess, with enough samples of the force; ``start`` says where the guess is from."""
+    correction = iterate(problem, guess, values, method)
+    while correction.converged and not samples_suffice(problem, correction.y, values):
+        problem = problem.oversampled()
+        correction = iterate(problem, correction.y, values, method)
+    statistics: dict[str, float | str] = {
+        "start": start,
+        "method": type(method).__name__,
+        "iterations": correction.iterations,
+        "residual": correction.residual,
+    }
+    if correction.reason:
+        statistics["reason"] = correction.reason
+    status = Status.CONVERGED if correction.converged else Status.NOT_CONVERGED
+    return make_solution(problem, correction.y, values, status=status, statistics=statistics)
+
+
+def samples_suffice(problem: HarmonicBalance, x: Array, values: Array) -> bool:
+    """Return whether twice the samples of the force leave the residual at a solution within the aliasing tolerance."""
+    if problem.samples_are_exact:
+        return True
+    moved = float(np.max(np.abs(problem.oversampled().assembly.residual(x, values))))
+    return moved <= ALIASING_TOL * max(problem.assembly.term_size(x, values), np.finfo(float).tiny)
+
+
+def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Method) -> Correction:
+    """Return what the method makes of a guess; ``y`` holds the unknowns alone."""
+    if isinstance(method, Newton):
+        row = np.zeros(problem.size + 1)
+        row[-1] = 1.0
+        found = correct(LoadCurve(problem, values), np.append(guess, 1.0), row, method)
+        return dataclasses.replace(found, y=found.y[:-1])
+    solver = _compiled(problem, method)
+    if isinstance(method, Ipopt):
+        answer = solver(x0=guess, p=values, lbg=0.0, ubg=0.0)
+        x = np.array(answer["x"]).ravel()
+    else:
+        x = np.array(solver(guess, values)).ravel()
+    statistics = solver.stats()
+    size = max(problem.assembly.term_size(x, values), np.finfo(float).tiny)
+    residual = float(np.max(np.abs(problem.assembly.residual(x, values)))) / size
+    return Correction(
+        y=x,
+        converged=bool(statistics["success"]) and residual < 1e-6,
+        iterations=int(statistics.get("iter_count", 0)),
+        factorisations=int(statistics.get("iter_count", 0)),
+        error=np.nan,
+        residual=residual,
+        reason="" if statistics["success"] else str(statistics.get("return_status", "the rootfinder failed")),
+    )
+
+
+def _compiled(problem: HarmonicBalance, method: Ipopt | Rootfinder) -> ca.Function:
+    if isinstance(method, Ipopt):
+        return ca.nlpsol("solver", "ipopt", problem.nlp, method.options())
+    options = {"error_on_fail": False, "abstol": method.tol}
+    if method.plugin != "fast_newton":
+        options |= {"linear_solver": "lapacklu", "max_iter": method.max_iterations}
+    return ca.rootfinder("solver", method.plugin, problem.residual, options)
+

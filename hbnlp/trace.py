@@ -1,0 +1,158 @@
+"""Trace a branch from one end of a span to the other, with observers; nothing computed is ever lost."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.balance import HarmonicBalance
+from hbnlp.branch import Branch, End
+from hbnlp.callbacks import Progress, StopTracing
+from hbnlp.continuation import PseudoArclength
+from hbnlp.errors import TraceError
+from hbnlp.recording import Traced
+from hbnlp.solution import Solution
+from hbnlp.stability import Floquet
+from hbnlp.tracer import Tracer
+
+logger = logging.getLogger(__name__)
+
+DEFAULT_STABILITY = Floquet()
+
+
+def trace(
+    problem: HarmonicBalance,
+    name: str,
+    span: tuple[float, float],
+    *,
+    at: Mapping[str, float] | None = None,
+    start: Solution | ArrayLike | None = None,
+    direction: int = 1,
+    away_from: Solution | None = None,
+    stability: Floquet | None = DEFAULT_STABILITY,
+    method: PseudoArclength | None = None,
+    callbacks: Sequence[Callable[[Progress], None]] = (),
+    resume: Branch | None = None,
+) -> Branch:
+    """Trace a branch of periodic solutions in one parameter, through its folds, with special points and stability.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    name : str
+        The continuation parameter.
+    span : (float, float)
+        Where to begin and where to end; a branch that comes back to its beginning ends there, and says so.
+    at : mapping, optional
+        Values of the other parameters; with a ``start``, of any.
+    start : Solution or array (n_dof, 2H+1), optional
+        Where to begin within the span. By default a cold start at ``span[0]``, see `hbnlp.solve`.
+    direction : 1 or -1
+        Which way to go first from a start: towards the end of the span or away from it.
+    away_from : Solution, optional
+        Go away from this neighbour of the start instead, for instance from the branch point that it was switched at.
+    stability : Floquet or None
+        Options of the Floquet analysis of every point; None: off.
+    method : PseudoArclength, optional
+    callbacks : sequence of callables
+        Called after each point with a `Progress`, such as `ProgressBar()` and `Autosave(path)`; one that raises
+        `StopTracing` ends the trace.
+    resume : Branch, optional
+        Go on from the last point of this branch, from memory or a file.
+
+    Returns
+    -------
+    Branch
+        ``branch.end`` and ``branch.message`` say why it ended. Ctrl-C ends a trace as well, with the points so far.
+
+    Raises
+    ------
+    ValueError, KeyError
+        For a span or name that cannot be, or a branch that does not belong to the problem.
+    ConvergenceError
+        If the start does not converge.
+    TraceError
+        If an error is raised on the way; its ``branch`` holds the points so far, its cause is the error.
+
+    Warns
+    -----
+    LinearInstabilityWarning
+        If the linear part of the system is unstable about rest.
+    """
+    tracer = Tracer(
+        problem,
+        name,
+        span,
+        at=at,
+        start=start,
+        direction=direction,
+        away_from=away_from,
+        stability=stability,
+        method=method,
+        resume=resume,
+    )
+    observed = _Observed(tracer, callbacks)
+    end: End | None = None
+    try:
+        for traced in tracer:
+            observed.point(traced)
+    except KeyboardInterrupt:
+        end = End.INTERRUPTED
+        logger.warning("interrupted after %d points; the branch keeps them and can be resumed", tracer.n_points)
+    except StopTracing:
+        end = End.STOPPED
+    except Exception as error:
+        branch = tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
+        raise TraceError(
+            f"the trace failed after {len(branch)} points, which the attribute 'branch' of this error keeps: {error}", branch
+        ) from error
+    branch = tracer.branch(end)
+    observed.finished(branch)
+    if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.MAX_POINTS):
+        logger.warning("the trace ended at %s = %.8g: %s", name, branch.parameter[-1], branch.message)
+    return branch
+
+
+class _Observed:
+    """What the callbacks are told."""
+
+    def __init__(self, tracer: Tracer, callbacks: Sequence[Callable[[Progress], None]]) -> None:
+        self._tracer = tracer
+        self._callbacks = callbacks
+        self._fraction = 0.0
+        begin, end = tracer.span
+        self._logarithmic = min(begin, end) > 0.0 and max(begin, end) > 10.0 * min(begin, end)
+        self._value = begin
+
+    def point(self, traced: Traced) -> None:
+        if self._callbacks:
+            self._value = traced.point.parameter
+            self._fraction = max(self._fraction, self._part(self._value))
+            self._tell(self._tracer.branch, done=False)
+
+    def finished(self, branch: Branch) -> None:
+        self._tell(lambda: branch, done=True)
+
+    def _tell(self, branch: Callable[[], Branch], *, done: bool) -> None:
+        tracer = self._tracer
+        for callback in self._callbacks:
+            callback(
+                Progress(
+                    name=tracer.name,
+                    value=self._value,
+                    fraction=self._fraction,
+                    n_points=tracer.n_points,
+                    n_folds=tracer.n_folds,
+                    done=done,
+                    branch=branch,
+                )
+            )
+
+    def _part(self, value: float) -> float:
+        begin, end = self._tracer.span
+        if self._logarithmic:
+            return float(np.log(value / begin) / np.log(end / begin))
+        return (value - begin) / (end - begin)
