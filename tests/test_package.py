@@ -22,7 +22,8 @@ def run_python(code, folder):
 
 def python_blocks(path):
     """Return the fenced Python of a Markdown file, joined: one script from top to bottom."""
-    return "\n".join(re.findall(r"^```python\n(.*?)^```$", path.read_text(encoding="utf-8"), flags=re.M | re.S))
+    fence = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+    return "\n".join(fence.findall(path.read_text(encoding="utf-8")))
 
 
 def test_importing_the_package_does_not_import_matplotlib_or_control(tmp_path):
@@ -34,7 +35,7 @@ def test_importing_the_package_does_not_import_matplotlib_or_control(tmp_path):
 
 def test_the_version_is_the_same_everywhere():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    citation = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), flags=re.M)
+    citation = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert citation is not None
     assert project["version"] == citation[1] == importlib.metadata.version("hbnlp") == hbnlp.__version__
 
