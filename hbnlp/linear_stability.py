@@ -46,11 +46,15 @@ def eigenvalues(
 
 
 def check_linear_stability(
-    system: System, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None
+    system: System,
+    at: Mapping[str, float] | None = None,
+    *,
+    rest: ArrayLike | None = None,
+    stacklevel: int = 2,
 ) -> ComplexArray:
     """Return the eigenvalues about rest, and warn if one of them grows.
 
-    Parameters are as in `eigenvalues`. The warning names the eigenvalue and, where the system has an output
+    Parameters are as in `eigenvalues`, and ``stacklevel`` as in `warnings.warn`. The warning names the eigenvalue and, where the system has an output
     ``"tension"``, the tension c_T at rest.
 
     Warns
@@ -69,7 +73,7 @@ def check_linear_stability(
             f"{_n_unstable(values)} of {values.size} with a positive real part; small motions grow, "
             "and only the nonlinear force can bound them",
             LinearInstabilityWarning,
-            stacklevel=2,
+            stacklevel=stacklevel,
         )
     return values
 
