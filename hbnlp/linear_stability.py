@@ -54,8 +54,8 @@ def check_linear_stability(
 ) -> ComplexArray:
     """Return the eigenvalues about rest, and warn if one of them grows.
 
-    Parameters are as in `eigenvalues`, and ``stacklevel`` as in `warnings.warn`. The warning names the eigenvalue and, where the system has an output
-    ``"tension"``, the tension c_T at rest.
+    Parameters are as in `eigenvalues`, and ``stacklevel`` as in `warnings.warn`. The warning names the eigenvalue and,
+    where the system has an output ``"tension"``, the tension c_T at rest.
 
     Warns
     -----
