@@ -80,6 +80,8 @@ def march(
     marched = np.atleast_1d(np.array(values, dtype=float))
     if marched.ndim != 1 or marched.size == 0 or not np.all(np.isfinite(marched)):
         raise ValueError(f"values = {values!r}; a sequence of finite numbers, at least one, is needed")
+    if name == "omega" and marched.min() <= 0.0:
+        raise ValueError(f"values of omega reach {marched.min():g}; time integration needs a period, so omega > 0")
     whole_number("n_harmonics", n_harmonics, least=1)
     point = system.parameters.values(at, but=(name,))
     index = system.parameters.index(name)
@@ -99,22 +101,25 @@ def march(
     ending = ""
     try:
         for value in marched:
-            response = respond(float(value), state)
-            if response.stopped_at is not None:
-                ending = f"ended at {name} = {value:g}: {response.message}"
-                break
             last = next((p for p in reversed(points) if p.periodic), None)
-            points.append(_point(float(value), response, n_harmonics, last, respond if find_jumps else None))
+            try:
+                response = respond(float(value), state)
+                if response.stopped_at is not None:
+                    ending = f"ended at {name} = {value:g}: {response.message}"
+                    break
+                here = _point(float(value), response, n_harmonics, last, respond if find_jumps else None)
+            except ValueError as error:  # a fixed step is no longer stable
+                if not points:
+                    raise
+                ending = f"ended at {name} = {value:g}: {error}"
+                break
+            points.append(here)
             state = response.state
             if progress:
                 progress(len(points), marched.size)
     except KeyboardInterrupt:
         ending = f"interrupted after {len(points)} of {marched.size} values"
         ending += "; go on from initial=sweep.states[-1]" if points else ""
-    except ValueError as error:  # the step is not stable at a later value
-        if not points:
-            raise
-        ending = f"ended after {len(points)} of {marched.size} values: {error}"
     parameters = system.parameters.as_dict(point)
     del parameters[name]
     jumps = [i for i, p in enumerate(points) if p.jumped_from is not None]

@@ -82,6 +82,14 @@ def test_an_interrupt_keeps_what_there_is_and_says_so():
     np.testing.assert_array_equal(rest.states[0], whole.states[2])
 
 
+def test_an_error_of_the_callback_is_the_callers():
+    def fail(done, total):
+        raise ValueError(f"{done} of {total}")
+
+    with pytest.raises(ValueError, match="1 of 3"):
+        short_sweep(progress=fail)
+
+
 def test_a_sweep_ends_where_the_response_diverges():
     system = duffing(damping_ratio=0.2, cubic=-1.0, force=0.1)
     sweep = march(system, "force", [0.1, 0.2, 5.0, 0.1], at={"omega": 0.5})
@@ -126,7 +134,7 @@ def test_a_saved_sweep_comes_back_whole(tmp_path):
         ("omga", [1.0], {}, KeyError, "did you mean 'omega'"),
         ("omega", [], {}, ValueError, "at least one"),
         ("omega", [1.0, np.nan], {}, ValueError, "finite"),
-        ("omega", [0.0, 1.0], {}, ValueError, "omega > 0"),
+        ("omega", [1.0, 0.0], {}, ValueError, "values of omega reach 0; .* omega > 0"),
         ("omega", [1.0], {"n_harmonics": 0}, ValueError, "n_harmonics is 0"),
         ("force", [1.0], {}, ValueError, "'omega' has no value"),
         ("omega", [1.0], {"method": RungeKutta4(steps_per_period=4), "at": {"cubic": 0.0}}, None, ""),
