@@ -14,7 +14,7 @@ from hbnlp.errors import ConvergenceError
 from hbnlp.fourier import Array
 from hbnlp.newton import Newton
 from hbnlp.solution import Solution
-from hbnlp.solve import attempt, linear_response, solve
+from hbnlp.solve import attempt, linear_guess, solve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ def find_all(
     except ConvergenceError:
         pass
     largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
-    reference = max(largest, float(np.linalg.norm(linear_response(problem, values)))) or 1.0
+    reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
     visited = 0
     for _ in range(options.n_starts):
         _run(problem, values, _random(problem, reference, options, rng), found, options, "random start")
