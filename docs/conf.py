@@ -26,10 +26,8 @@ html_title = f"hbnlp {release}"
 myst_enable_extensions = ["amsmath", "dollarmath"]
 myst_heading_anchors = 3
 
-# API pages: what the modules list in __all__, each name on a page of its own
+# API pages: one for each name in api.rst
 autosummary_generate = True
-autosummary_ignore_module_all = False
-autosummary_imported_members = True
 autodoc_typehints = "none"  # numpydoc's Parameters say type and shape
 numpydoc_show_class_members = False  # the class template lists them
 numpydoc_xref_param_type = False

@@ -92,7 +92,7 @@ def floquet_bifurcation(
         if pairs == max(_unstable_pairs(at(before).multipliers), _unstable_pairs(at(after).multipliers)):
             return None
         test = _pair_test(at, pairs)
-    located = locate(stepper, before, after, test, tol=1e-7) if test(before) * test(after) < 0.0 else None
+    located = locate(stepper, before, after, test) if test(before) * test(after) < 0.0 else None
     if located is None:
         return unrefined(curve, kind, before, after, index)
     multipliers = at(located).multipliers

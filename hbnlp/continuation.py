@@ -219,8 +219,8 @@ def locate(
 ) -> Point | None:
     """Return the point between two others where ``test`` vanishes, by Brent's method along the tangent of ``base``.
 
-    The search ends when ``test`` is below ``tol`` times its larger value at the ends, and the two points next to the zero are
-    interpolated. None is returned if a corrector fails, or if the points do not close in on one another: a jump.
+    The search ends when ``test`` is below ``tol`` times its larger value at the ends; the two points next to the zero are then
+    interpolated and the result put back onto the curve. None is returned if a corrector fails, or if the points do not close in on one another: a jump.
     """
     row = base.tangent / base.scale**2
     length = float(row @ (end.y - base.y))
@@ -252,8 +252,18 @@ def locate(
     if float(np.linalg.norm((points[right].y - points[left].y) / base.scale)) > 3.0 * (right - left) + 1e-6 * length:
         return None
     share = found[left] / (found[left] - found[right]) if found[left] != found[right] else 0.0
-    y = points[left].y + share * (points[right].y - points[left].y)
-    return dataclasses.replace(points[root], y=y)
+    guess = points[left].y + share * (points[right].y - points[left].y)
+    polished = finish(stepper.curve, guess, row, points[root], stepper.options.newton) if tol == 0.0 else None
+    return polished or dataclasses.replace(points[root], y=_onto_curve(stepper.curve, guess))
+
+
+def _onto_curve(curve: Curve, y: Array) -> Array:
+    """Return the point of the curve nearest to y, also where two branches cross: Gauss-Newton steps of least length."""
+    for _ in range(3):
+        scale = curve.scale(y)
+        step = np.linalg.lstsq(curve.jacobian(y) * scale, -curve.residual(y), rcond=1e-6)[0]
+        y = y + scale * step
+    return y
 
 
 def start_point(curve: Curve, y: Array, toward: Array) -> Point:

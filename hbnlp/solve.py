@@ -138,7 +138,7 @@ def solve(
     raise ConvergenceError(f"no solution at {point}: {solution.statistics['reason']}. {Status.NOT_CONVERGED.value}", solution)
 
 
-def linear_response(problem: HarmonicBalance, values: Array) -> Array:
+def linear_guess(problem: HarmonicBalance, values: Array) -> Array:
     """Return the response of the system linearised about rest, as a vector of unknowns.
 
     Raises
@@ -159,7 +159,7 @@ def linear_response(problem: HarmonicBalance, values: Array) -> Array:
 
 def _cold(problem: HarmonicBalance, values: Array, method: Method) -> Solution:
     try:
-        linear = linear_response(problem, values)
+        linear = linear_guess(problem, values)
     except NonFiniteError:
         linear = np.full(problem.size, 1e-3)
     solution = attempt(problem, values, linear, method, start="linear response")
@@ -187,7 +187,7 @@ def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array 
     rest = correct(curve, np.zeros(problem.size + 1), full, newton)
     if not rest.converged:
         return None
-    linear = linear_response(problem, values)
+    linear = linear_guess(problem, values)
     curve.solution_floor = max(1e-3 * float(np.linalg.norm(linear)), np.finfo(float).tiny)
     walk = Continuation(curve, start_point(curve, rest.y, full), PseudoArclength(max_points=2000))
     try:

@@ -142,8 +142,8 @@ class System:
 
     @property
     def is_nonlinear(self) -> bool:
-        """Whether there is a force f besides the matrices."""
-        return bool(ca.depends_on(self.force, ca.vertcat(self.q, self.v, self.tau)))
+        """Whether there is a force f besides the matrices (it may be a constant load)."""
+        return not self.force.is_zero()
 
     # -- compiled functions -----------------------------------------------------------------------------------------
 
@@ -206,13 +206,8 @@ class System:
         """
         values = np.nan_to_num(self.parameters.values(at, but=("omega",)))
         mass, damping, stiffness, lag_output = self.state_matrices(values)
-        tangent = ca.Function(
-            "tangent",
-            [self.q, self.v, self.tau, self.p],
-            [ca.densify(ca.jacobian(self.force, self.q)), ca.densify(ca.jacobian(self.force, self.v))],
-        )
         q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
-        force_q, force_v = (np.array(e) for e in tangent(q0, np.zeros(self.n_dof), 0.0, values))
+        force_q, force_v = (np.array(e) for e in self._force_tangent(q0, np.zeros(self.n_dof), 0.0, values))
         if not np.all(np.isfinite(force_q)) or not np.all(np.isfinite(force_v)):
             raise NonFiniteError("the derivative of nonlinear_force is not finite at rest; smooth it there")
         n, m = self.n_dof, self.n_lags
@@ -223,6 +218,11 @@ class System:
         state[2 * n :] = self.lag_input @ acceleration
         state[2 * n :, 2 * n :] += self.lag_state
         return state
+
+    @cached_property
+    def _force_tangent(self) -> ca.Function:
+        by_q, by_v = (ca.densify(ca.jacobian(self.force, unknown)) for unknown in (self.q, self.v))
+        return ca.Function("tangent", [self.q, self.v, self.tau, self.p], [by_q, by_v])
 
     # -- construction -----------------------------------------------------------------------------------------------
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping
 
 import casadi as ca
@@ -14,11 +13,11 @@ from hbnlp.bifurcations import branch_point, crossings, floquet_bifurcation, ref
 from hbnlp.branch import Branch, End, Kind, SpecialPoint
 from hbnlp.continuation import Continuation, Point, PseudoArclength, Stop, StopContinuation, finish, start_point
 from hbnlp.curves import ParameterCurve
-from hbnlp.errors import LinearInstabilityWarning
 from hbnlp.fourier import Array
+from hbnlp.linear_stability import check_linear_stability
 from hbnlp.recording import Traced, make_branch
 from hbnlp.solution import Solution
-from hbnlp.solve import linear_response, samples_suffice, solve
+from hbnlp.solve import linear_guess, samples_suffice, solve
 from hbnlp.stability import Floquet, FloquetEvaluator, FloquetResult
 
 RESUMABLE_RESIDUAL = 1e-6
@@ -78,7 +77,9 @@ class Tracer:
         if resume is not None:
             self._resume_from(resume, point)
         else:
-            _warn_if_unstable(problem, self._values)
+            parameters = problem.system.parameters
+            if not ca.depends_on(problem.system.force, problem.system.tau):
+                check_linear_stability(problem.system, parameters.as_dict(self._values))
 
     def __iter__(self) -> Iterator[Traced]:
         """Yield the points of the trace, the first included unless it was resumed."""
@@ -225,7 +226,7 @@ class Tracer:
         """Return the size below which changes of the solution are not measured relative to it: traces may begin at rest."""
         values = self._values.copy()
         values[self.problem.system.parameters.index(self.name)] = np.mean(self.span)
-        linear = linear_response(self.problem, values)
+        linear = linear_guess(self.problem, values)
         size = max(float(np.linalg.norm(first[:-1])), float(np.linalg.norm(linear)))
         return max(1e-6 * size, float(np.finfo(float).tiny))
 
@@ -268,19 +269,3 @@ def _check_resumable(problem: HarmonicBalance, name: str, at: Mapping[str, float
     for key, value in (at or {}).items():
         if key != name and branch.parameters.get(key) != value:
             raise ValueError(f"parameter {key!r} is {value!r} here but {branch.parameters.get(key)!r} on the branch")
-
-
-def _warn_if_unstable(problem: HarmonicBalance, values: Array) -> None:
-    system = problem.system
-    if ca.depends_on(system.force, system.tau):
-        return
-    at = system.parameters.as_dict(values)
-    eigenvalues = np.linalg.eigvals(system.linearisation(at))
-    worst = eigenvalues[np.argmax(eigenvalues.real)]
-    if worst.real > 1e-9 * max(1.0, float(np.max(np.abs(eigenvalues)))):
-        warnings.warn(
-            f"the linear part of {system.name!r} is unstable about rest: eigenvalue {worst:.4g}. Tracing goes on; "
-            f"solutions near rest will be unstable",
-            LinearInstabilityWarning,
-            stacklevel=4,
-        )

@@ -1,0 +1,120 @@
+"""Extrema of an output's amplitude along a branch, as nonlinear programs: max |Y_h|^2 subject to R = 0."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.balance import HarmonicBalance
+from hbnlp.branch import Branch, Kind, SpecialPoint
+from hbnlp.errors import ConvergenceError
+from hbnlp.solution import Solution, Status, make_solution
+from hbnlp.solve import Ipopt
+
+
+def locate_peak(
+    problem: HarmonicBalance,
+    output: str,
+    name: str,
+    near: Solution,
+    *,
+    harmonic: int = 1,
+    method: Ipopt | None = None,
+    bracket: tuple[float, float] | None = None,
+    index: int = 0,
+) -> SpecialPoint:
+    """Return the point near a solution where the amplitude of an output is largest along the branch.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    output, harmonic
+        Whose amplitude: one harmonic of a named output.
+    name : str
+        The parameter that is free.
+    near : Solution
+        A guess, best the largest point of a traced branch.
+    method : Ipopt, optional
+    bracket, index : optional
+        Recorded in the result; ``bracket`` also bounds the free parameter.
+
+    Raises
+    ------
+    ConvergenceError
+        If IPOPT finds no maximum there.
+    """
+    values = problem.values(near.parameters)
+    position = problem.system.parameters.index(name)
+    x0 = problem.vector(near.coefficients)
+    free = ca.MX.sym("free")
+    symbols = ca.vertcat(*(free if i == position else problem.p[i] for i in range(values.size)))
+    size = max(float(np.abs(near.harmonics(output)[harmonic])), np.finfo(float).tiny)
+    terms = max(problem.assembly.term_size(x0, values), np.finfo(float).tiny)
+    amplitude = ca.substitute(problem.amplitude_squared(output, harmonic), problem.p, symbols)
+    program = {
+        "x": ca.vertcat(problem.x, free),
+        "p": problem.p,
+        "f": -amplitude / size**2,
+        "g": ca.substitute(problem.g, problem.p, symbols) / terms,
+    }
+    low, high = (-np.inf, np.inf) if bracket is None else sorted(bracket)
+    bounds = np.full(problem.size, np.inf)
+    solver = ca.nlpsol("peak", "ipopt", program, (method or Ipopt()).options())
+    answer = solver(
+        x0=np.append(x0, values[position]),
+        p=values,
+        lbx=np.append(-bounds, low),
+        ubx=np.append(bounds, high),
+        lbg=0.0,
+        ubg=0.0,
+    )
+    y = np.array(answer["x"]).ravel()
+    statistics = solver.stats()
+    values[position] = y[-1]
+    record = {"method": "Ipopt", "iterations": int(statistics["iter_count"])}
+    if not statistics["success"]:
+        failed = make_solution(problem, y[:-1], values, status=Status.NOT_CONVERGED, statistics=record)
+        raise ConvergenceError(
+            f"no peak of {output!r} found near {name} = {near.parameters[name]:g} ({statistics['return_status']}): "
+            "start from the largest point of a traced branch",
+            failed,
+        )
+    return SpecialPoint(
+        kind=Kind.PEAK,
+        value=float(y[-1]),
+        bracket=bracket or (float(y[-1]), float(y[-1])),
+        index=index,
+        refined=True,
+        solution=make_solution(problem, y[:-1], values, statistics=record),
+    )
+
+
+def peaks(branch: Branch, output: str, *, harmonic: int = 1, problem: HarmonicBalance | None = None) -> list[SpecialPoint]:
+    """Return all interior maxima of an output's amplitude along a branch, in branch order, each solved for.
+
+    ``problem`` is needed for a branch that was loaded from a file.
+    """
+    problem = problem or branch.problem
+    if problem is None:
+        raise ValueError("this branch was loaded from a file; pass the problem that it was traced with, problem=...")
+    amplitude = np.abs(branch.harmonics(output)[:, harmonic])
+    tops = 1 + np.flatnonzero((amplitude[1:-1] >= amplitude[:-2]) & (amplitude[1:-1] > amplitude[2:]))
+    return [
+        locate_peak(
+            problem,
+            output,
+            branch.name,
+            branch.solution(int(top)),
+            harmonic=harmonic,
+            index=int(top),
+            bracket=_around(branch, int(top)),
+        )
+        for top in tops
+    ]
+
+
+def _around(branch: Branch, index: int) -> tuple[float, float]:
+    """Return an interval of the parameter that holds the branch from the point before to the point after, folds included."""
+    values = branch.parameter[index - 1 : index + 2]
+    margin = float(np.ptp(values)) or 1e-6 * abs(float(values[1]))
+    return float(values.min() - margin), float(values.max() + margin)

@@ -1,0 +1,175 @@
+"""All of matplotlib: branches with their stability and special points, sweeps with their jumps, fold curves.
+
+Stable is solid and thick, unstable dashed and thin; each kind of special point has one marker and one legend entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter, ScalarFormatter
+
+from hbnlp.branch import Branch, Kind
+from hbnlp.foldcurves import FoldBranch, FoldEvent
+from hbnlp.fourier import Array
+from hbnlp.sweep import Sweep
+from hbnlp.timesweep import TimeSweep
+
+STABLE = {"linestyle": "-", "linewidth": 2.2}
+UNSTABLE = {"linestyle": (0, (4, 2)), "linewidth": 1.0}
+MARKERS = {
+    Kind.FOLD: ("o", "tab:red"),
+    Kind.BRANCH_POINT: ("s", "tab:purple"),
+    Kind.PERIOD_DOUBLING: ("^", "tab:green"),
+    Kind.NEIMARK_SACKER: ("D", "tab:orange"),
+    Kind.PEAK: ("*", "black"),
+}
+EVENT_MARKERS = {
+    FoldEvent.CUSP: ("v", "tab:purple"),
+    FoldEvent.ISOLA_BIRTH: ("o", "tab:green"),
+    FoldEvent.ISOLA_MERGE: ("s", "tab:orange"),
+}
+
+
+def plot_branch(
+    branch: Branch,
+    output: str,
+    *,
+    ax: Axes | None = None,
+    harmonic: int = 1,
+    per: str | None = None,
+    decibels: bool = False,
+    special: bool = True,
+    label: str | None = None,
+    color: Any = None,
+) -> Axes:
+    """Draw the amplitude of one harmonic of an output along a branch.
+
+    Parameters
+    ----------
+    branch : Branch
+    output : str
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+    harmonic : int
+        0 is the mean value.
+    per : str, optional
+        Another output by whose first harmonic the amplitude is divided: ``"alpha_acceleration"`` for a wing's C_L.
+    decibels : bool
+        Draw 20 log10 of the amplitude.
+    special : bool
+        Whether to mark special points.
+    label, color
+        Of the branch.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = ax or _new_axes()
+    level = _level(branch, output, harmonic, per, decibels)
+    color = ax.plot([], [], color=color, label=label or "_branch")[0].get_color()
+    stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
+    for part, steady in _segments(stable):
+        ax.plot(branch.parameter[part], level[part], color=color, **(STABLE if steady else UNSTABLE))
+    if not stable.all():
+        _explain(ax, "stable", color="0.3", **STABLE)
+        _explain(ax, "unstable", color="0.3", **UNSTABLE)
+    for kind, (marker, paint) in MARKERS.items() if special else ():
+        points = branch.of_kind(kind)
+        if points:
+            x = [p.value for p in points]
+            y = [float(_level(p.solution, output, harmonic, per, decibels)) for p in points]
+            style = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
+            ax.plot(x, y, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
+            _explain(ax, kind.value, **style)
+    _finish(ax, branch.name, output, harmonic, per, decibels)
+    return ax
+
+
+def plot_sweep(
+    sweep: Sweep | TimeSweep,
+    output: str,
+    *,
+    ax: Axes | None = None,
+    harmonic: int = 1,
+    per: str | None = None,
+    decibels: bool = False,
+    label: str | None = None,
+    **options: Any,
+) -> Axes:
+    """Draw the amplitude of one harmonic of an output along a sweep; a jump is an arrow, not a part of the curve."""
+    ax = ax or _new_axes()
+    level = _level(sweep, output, harmonic, per, decibels)
+    jumps = sorted(int(jump) for jump in sweep.jumps)
+    edges = [0, *jumps, len(sweep)]
+    style = {"marker": ".", "markersize": 3.0, "linewidth": 1.0, **options}
+    for k, (begin, end) in enumerate(zip(edges, edges[1:], strict=False)):
+        line = ax.plot(sweep.parameter[begin:end], level[begin:end], label=label if k == 0 else None, **style)[0]
+        style["color"] = line.get_color()
+    for jump in jumps:
+        ax.annotate(
+            "",
+            xy=(sweep.parameter[jump], level[jump]),
+            xytext=(sweep.parameter[jump - 1], level[jump - 1]),
+            arrowprops={"arrowstyle": "->", "color": style["color"], "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0},
+        )
+    _finish(ax, sweep.name, output, harmonic, per, decibels)
+    return ax
+
+
+def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | None = None, **options: Any) -> Axes:
+    """Draw a fold curve in the plane of its two parameters, with cusps, isola births and merges."""
+    ax = ax or _new_axes()
+    ax.plot(curve.first, curve.second, **{"color": "tab:red", "linewidth": 1.6, **options}, label=label or "folds")
+    for kind, (marker, paint) in EVENT_MARKERS.items():
+        events = curve.of_kind(kind)
+        if events:
+            x, y = [e.first for e in events], [e.second for e in events]
+            ax.plot(x, y, marker=marker, color=paint, linestyle="none", markersize=6, label=kind.value, zorder=3)
+    ax.set_xlabel(curve.names[0])
+    ax.set_ylabel(curve.names[1])
+    ax.legend(frameon=False)
+    return ax
+
+
+def _new_axes() -> Axes:
+    return plt.subplots(figsize=(6.4, 4.2), layout="constrained")[1]
+
+
+def _level(source: Any, output: str, harmonic: int, per: str | None, decibels: bool) -> Array:
+    """Return what is drawn for every point of a branch or sweep, or for one solution."""
+    size = np.abs(source.harmonics(output)[..., harmonic])
+    if per is not None:
+        size = size / np.abs(source.harmonics(per)[..., 1])
+    with np.errstate(divide="ignore"):
+        return np.asarray(20.0 * np.log10(size) if decibels else size)
+
+
+def _segments(flags: Any) -> Iterator[tuple[slice, bool]]:
+    """Yield runs of equal flags; each run takes the first point of the next, so that the curve has no gap."""
+    edges = [0, *(1 + np.flatnonzero(np.diff(flags.astype(int)))), len(flags)]
+    for begin, end in zip(edges, edges[1:], strict=False):
+        yield slice(int(begin), min(int(end) + 1, len(flags))), bool(flags[begin])
+
+
+def _explain(ax: Axes, label: str, **style: Any) -> None:
+    """Add a legend entry without data, once."""
+    if label not in ax.get_legend_handles_labels()[1]:
+        ax.plot([], [], label=label, **style)
+
+
+def _finish(ax: Axes, parameter: str, output: str, harmonic: int, per: str | None, decibels: bool) -> None:
+    ax.set_xlabel(r"$\omega$" if parameter == "omega" else parameter)
+    what = (f"|{output}|" + (f" / |{per}|" if per else "")) if harmonic else f"|mean of {output}|"
+    notes = [*([f"harmonic {harmonic}"] if harmonic else []), *(["dB"] if decibels else [])]
+    ax.set_ylabel(f"{what} ({', '.join(notes)})" if notes else what)
+    if ax.get_xscale() == "log":
+        ax.xaxis.set_major_formatter(ScalarFormatter())
+        ax.xaxis.set_minor_formatter(NullFormatter())
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(frameon=False)

@@ -1,0 +1,201 @@
+"""All solutions at one parameter point: random starts, deflation, and the curves that join solutions as the load varies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hbnlp.balance import HarmonicBalance
+from hbnlp.continuation import Continuation, PseudoArclength, StopContinuation, start_point
+from hbnlp.curves import LoadCurve
+from hbnlp.errors import ConvergenceError
+from hbnlp.fourier import Array
+from hbnlp.newton import Newton
+from hbnlp.solution import Solution
+from hbnlp.solve import attempt, linear_guess, solve
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How many starts a search makes, and where from.
+
+    Parameters
+    ----------
+    n_starts : int
+        Random starts; each harmonic h is drawn with a standard deviation of ``amplitude / h**2``.
+    amplitudes : (float, float)
+        Range of that amplitude, drawn log-uniformly, relative to the solution that a cold start finds.
+    n_deflated : int
+        Deflated Newton runs from the neighbourhood of each solution found.
+    largest_load : float
+        From each solution the load is varied, through folds, between 0 and this multiple of its value; where the curve comes
+        back to the load itself is another solution. 0: off.
+    separation : float
+        Solutions nearer to each other than this, relative to their size, are one.
+    max_iterations : int
+        Damped Newton steps a start.
+    newton : Newton
+        Polish of what the search finds.
+    """
+
+    n_starts: int = 40
+    amplitudes: tuple[float, float] = (0.1, 30.0)
+    n_deflated: int = 2
+    largest_load: float = 3.0
+    separation: float = 1e-5
+    max_iterations: int = 60
+    newton: Newton = Newton()
+
+    def __post_init__(self) -> None:
+        if self.n_starts < 0 or self.n_deflated < 0:
+            raise ValueError(f"n_starts = {self.n_starts!r}, n_deflated = {self.n_deflated!r}; neither can be negative")
+        if not 0.0 < self.amplitudes[0] <= self.amplitudes[1]:
+            raise ValueError(f"amplitudes = {self.amplitudes!r}; two positive numbers in rising order are needed")
+
+
+def find_all(
+    problem: HarmonicBalance,
+    *,
+    at: Mapping[str, float] | None = None,
+    method: Search | None = None,
+    rng: np.random.Generator | None = None,
+    known: list[Solution] | None = None,
+) -> list[Solution]:
+    """Return the solutions at one parameter point that a search finds, smallest first.
+
+    Newton's method, deflated by the solutions known so far, is run from random starts and from near each of them: deflation
+    turns known solutions into poles, so that the same start leads elsewhere. From each solution the load is varied by
+    continuation, and every further crossing of its value is a solution, too. A search can miss solutions; more starts miss
+    fewer.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    at : mapping, optional
+        Parameter values.
+    method : Search, optional
+    rng : numpy Generator, optional
+        By default seeded with 0: the same call finds the same solutions.
+    known : list of Solution, optional
+        Solutions at this point that are known already; they are among the result.
+
+    References
+    ----------
+    Farrell, Birkisson, Funke (2015), SIAM J. Sci. Comput. 37, A2026-A2045, doi:10.1137/140984798 (deflation).
+    """
+    options, rng = method or Search(), rng or np.random.default_rng(0)
+    values = problem.values(at)
+    found: list[Solution] = []
+    for solution in known or []:
+        _add(found, attempt(problem, values, problem.vector(solution.coefficients), options.newton, start="known"), options)
+    try:
+        _add(found, solve(problem, at=at), options)
+    except ConvergenceError:
+        pass
+    largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
+    reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
+    visited = 0
+    for _ in range(options.n_starts):
+        _run(problem, values, _random(problem, reference, options, rng), found, options, "random start")
+        while visited < len(found):
+            vector = problem.vector(found[visited].coefficients)
+            visited += 1
+            for crossing in _crossings_of_load(problem, values, vector, options):
+                _add(found, attempt(problem, values, crossing, options.newton, start="varied load"), options)
+            for _ in range(options.n_deflated):
+                nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
+                start = vector + nudge / np.sqrt(vector.size)
+                _run(problem, values, start, found, options, "deflation")
+    return sorted(found, key=lambda s: float(np.linalg.norm(s.coefficients)))
+
+
+def _run(
+    problem: HarmonicBalance, values: Array, start: Array, found: list[Solution], options: Search, how: str
+) -> None:
+    guess = deflated_newton(problem, values, start, [s.coefficients.ravel() for s in found], options.max_iterations)
+    if guess is not None:
+        _add(found, attempt(problem, values, guess, options.newton, start=how), options)
+
+
+def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, options: Search) -> list[Array]:
+    """Return guesses of the solutions where the curve of solutions against load, both ways from x, meets load 1 again."""
+    if options.largest_load <= 1.0:
+        return []
+    curve = LoadCurve(problem, values)
+    curve.solution_floor = max(1e-6 * float(np.linalg.norm(x)), float(np.finfo(float).tiny))
+    crossings = []
+    for sign in (1.0, -1.0):
+        toward = np.zeros(x.size + 1)
+        toward[-1] = sign
+        try:
+            walk = Continuation(curve, start_point(curve, np.append(x, 1.0), toward), PseudoArclength(max_points=400))
+            for _ in range(walk.options.max_points):
+                before = walk.point
+                after = walk.advance((0.0, options.largest_load))
+                if (before.parameter - 1.0) * (after.parameter - 1.0) < 0.0:
+                    share = (1.0 - before.parameter) / (after.parameter - before.parameter)
+                    crossings.append((before.y + share * (after.y - before.y))[:-1])
+                if after.parameter in (0.0, options.largest_load):
+                    break
+        except (StopContinuation, np.linalg.LinAlgError):
+            continue
+    return crossings
+
+
+def _add(found: list[Solution], solution: Solution, options: Search) -> None:
+    if not solution.converged:
+        return
+    x = solution.coefficients
+    for other in found:
+        size = max(float(np.linalg.norm(x)), float(np.linalg.norm(other.coefficients)), np.finfo(float).tiny)
+        if np.linalg.norm(x - other.coefficients) <= options.separation * size:
+            return
+    found.append(solution)
+
+
+def _random(problem: HarmonicBalance, reference: float, options: Search, rng: np.random.Generator) -> Array:
+    low, high = np.log(options.amplitudes)
+    amplitude = reference * np.exp(rng.uniform(low, high)) / np.sqrt(2.0 * problem.shape[0])
+    harmonic = np.maximum((np.arange(problem.shape[1]) + 1) // 2, 1)
+    return np.asarray((amplitude / harmonic**2 * rng.standard_normal(problem.shape)).ravel())
+
+
+def deflated_newton(
+    problem: HarmonicBalance, values: Array, start: Array, known: list[Array], max_iterations: int
+) -> Array | None:
+    """Return an approximate solution away from the known ones, or None.
+
+    The residual is multiplied by ``prod (1 + size^2 / |x - x_i|^2)``; by the Sherman-Morrison formula its Newton step is the
+    plain one times a number.
+    """
+    x = start.copy()
+    previous = np.inf
+    for _ in range(max_iterations):
+        residual = problem.assembly.residual(x, values)
+        jacobian = problem.assembly.jacobian(x, values)
+        if not (np.isfinite(residual.sum()) and np.isfinite(jacobian.sum())):
+            return None
+        try:
+            step = -np.linalg.solve(jacobian, residual)
+        except np.linalg.LinAlgError:
+            return None
+        size = float(np.linalg.norm(x))
+        slope = 0.0
+        for other in known:
+            away = x - other
+            distance = float(away @ away) or np.finfo(float).tiny
+            scale = float(other @ other) or 1.0
+            slope += -2.0 * scale / (distance * (distance + scale)) * float(away @ step)
+        factor = 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
+        length = abs(factor) * float(np.linalg.norm(step))
+        if length <= 1e-6 * max(size, np.finfo(float).tiny):
+            return x + step
+        # steps larger than the solution itself are cut: far from a solution the linear model is worth little
+        damping = min(1.0, max(size, 1e-12) / length) if length > previous else 1.0
+        x += damping * factor * step
+        previous = length
+        if not np.isfinite(length) or size > 1e12:
+            return None
+    return None
