@@ -57,7 +57,9 @@ class FrequencyResponse:
         static = np.array(self.static, dtype=float)
         base_load = np.array(self.base_load, dtype=float)
         if omega.ndim != 1 or omega.size == 0 or not np.all(omega > 0.0) or not np.all(np.diff(omega) > 0.0):
-            raise ValueError(f"omega is {omega!r}; give rising frequencies above zero (the static value goes to static)")
+            raise ValueError(
+                f"omega is {omega!r}; give rising frequencies above zero (the static value goes to static)"
+            )
         if values.ndim != 3 or values.shape[0] != omega.size or values.shape[2] != values.shape[1] + 1:
             raise ValueError(
                 f"values has shape {values.shape}; ({omega.size}, N+1, N+2) is needed: a frequency, "
@@ -70,7 +72,8 @@ class FrequencyResponse:
             )
         for name, array in (("values", values), ("static", static), ("base_load", base_load)):
             if not np.all(np.isfinite(array)):
-                raise ValueError(f"{name} holds values that are not finite, first at index {tuple(np.argwhere(~np.isfinite(array))[0])}")
+                at = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
+                raise ValueError(f"{name} is not finite at index {at}; all values must be")
         for name, array in (("omega", omega), ("values", values), ("static", static), ("base_load", base_load)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -79,7 +82,7 @@ class FrequencyResponse:
     @property
     def n_modes(self) -> int:
         """Number N of membrane modes."""
-        return self.static.shape[0] - 1
+        return len(self.static) - 1
 
     def truncated(self, n_modes: int) -> FrequencyResponse:
         """Return the response of the first ``n_modes`` membrane modes, its leading block."""
@@ -141,7 +144,9 @@ class FrequencyResponse:
             writer.writerow(_CSV_HEADER)
             for omega, matrix in zip((0.0, *self.omega), (self.static + 0j, *self.values), strict=True):
                 for (load, motion), value in np.ndenumerate(matrix):
-                    writer.writerow((repr(float(omega)), load, motion, repr(float(value.real)), repr(float(value.imag))))
+                    writer.writerow(
+                        (repr(float(omega)), load, motion, repr(float(value.real)), repr(float(value.imag)))
+                    )
 
     @classmethod
     def from_csv(
@@ -153,8 +158,8 @@ class FrequencyResponse:
     ) -> FrequencyResponse:
         """Read a table with the columns omega, load, motion, real, imag in any order of rows.
 
-        ``load`` counts C_L, dCp_1, ... from 0 and ``motion`` alpha, z, W_1, ... from 0; rows with omega 0 are the static
-        value, which must be there.
+        ``load`` counts C_L, dCp_1, ... from 0 and ``motion`` alpha, z, W_1, ... from 0; rows with omega 0 are the
+        static value, which must be there.
 
         Raises
         ------
@@ -175,8 +180,8 @@ class FrequencyResponse:
         values[at, loads, motions] = rows[:, 3] + 1j * rows[:, 4]
         if np.isnan(values).any() or len(rows) != values.size:
             raise ValueError(
-                f"{os.fspath(path)!r} has {len(rows)} rows for {omega.size} frequencies and a {values.shape[1:]} matrix; "
-                f"every entry is needed exactly once, {values.size} rows"
+                f"{os.fspath(path)!r} has {len(rows)} rows for {omega.size} frequencies and "
+                f"{values.shape[1:]} matrices; every entry is needed exactly once, {values.size} rows"
             )
         return cls(
             omega=omega[1:], values=values[1:], static=values[0].real,

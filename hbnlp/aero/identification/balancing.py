@@ -1,9 +1,9 @@
 """Fewer lag states: balanced truncation, weighted by the band and by the columns, and refitted to the data.
 
 The Gramians of the lag states are integrals over frequency; taken over the band of the data, with the weights in which
-the error is stated, they balance what is seen there (Enns [1]_; Gawronski and Juang [2]_). Over all frequencies with unit weights they are Moore's, and the truncation is stable
-by theorem. K stays, and D, M, B and C are then fitted to the response again, a linear problem for (D, M, C) with B given
-and for (D, M, B) with C given.
+the error is stated, they balance what is seen there (Enns [1]_; Gawronski and Juang [2]_). Over all frequencies with
+unit weights they are Moore's, and the truncation is stable by theorem. K stays, and D, M, B and C are then fitted to
+the response again, a linear problem for (D, M, C) with B given and for (D, M, B) with C given.
 
 References
 ----------
@@ -15,7 +15,7 @@ References
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as sl
@@ -59,8 +59,8 @@ def balanced_truncation(rom: AeroROM, n_lags: int) -> Balanced:
     """
     n = whole_number("n_lags", n_lags, least=0, most=rom.n_lags)
     a, b, c = rom.lag_state, rom.lag_input, rom.lag_output
-    control = sl.solve_continuous_lyapunov(a, -b @ b.T)
-    observe = sl.solve_continuous_lyapunov(a.T, -c.T @ c)
+    control = np.asarray(sl.solve_continuous_lyapunov(a, -b @ b.T), dtype=float)
+    observe = np.asarray(sl.solve_continuous_lyapunov(a.T, -c.T @ c), dtype=float)
     left, right, values = _balancing(control, observe, n)
     return Balanced(_with_lags(rom, left.T @ a @ right, left.T @ b, c @ right), values)
 
@@ -105,7 +105,7 @@ def reduce_to_band(rom: AeroROM, response: FrequencyResponse, *, n_lags: int, sw
 
 def refit_output(rom: AeroROM, response: FrequencyResponse) -> AeroROM:
     """Fit D, M and C to a response with A and B given, in the norm of the relative error of columns."""
-    s = 1j * response.omega
+    s = np.asarray(1j * response.omega, dtype=complex)
     _, rows, columns = response.values.shape
     states = _states(rom.lag_state, rom.lag_input, s)
     weights = 1.0 / np.linalg.norm(response.values, axis=1)
@@ -132,7 +132,7 @@ def refit_output(rom: AeroROM, response: FrequencyResponse) -> AeroROM:
 
 def refit_input(rom: AeroROM, response: FrequencyResponse) -> AeroROM:
     """Fit D, M and B to a response with A and C given, in the norm of the relative error of columns."""
-    s = 1j * response.omega
+    s: ComplexArray = np.asarray(1j * response.omega, dtype=complex)
     m, rows, columns = response.values.shape
     n = rom.n_lags
     outputs = _states(rom.lag_state.T, rom.lag_output.T, s).transpose(0, 2, 1)
@@ -155,11 +155,11 @@ def refit_input(rom: AeroROM, response: FrequencyResponse) -> AeroROM:
 
 def _states(a: Array, b: Array, s: ComplexArray) -> ComplexArray:
     shifted = s[:, None, None] * np.eye(len(a)) - a
-    states: ComplexArray = np.linalg.solve(shifted, np.broadcast_to(b.astype(complex), (s.size, *b.shape)))
-    return states
+    drive = np.broadcast_to(b.astype(complex), (s.size, *b.shape))
+    return np.asarray(np.linalg.solve(shifted, drive), dtype=complex)
 
 
-def _least_squares(matrix: ComplexArray, right: ComplexArray) -> Array:
+def _least_squares(matrix: NDArray[Any], right: NDArray[Any]) -> Array:
     left = np.concatenate([matrix.real, matrix.imag])
     scale = np.linalg.norm(left, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)

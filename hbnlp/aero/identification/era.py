@@ -4,10 +4,10 @@ After an impulse of acceleration at t = 0 (a unit step of velocity) the loads ar
 
     y(t) = K t + D + C exp(A t) B,      t > 0,
 
-so what is left of the record without its quasi-steady part K t + D holds the Markov parameters of the lag states, whose
-Hankel matrix gives A, B and C (Juang and Pappa [1]_; for wings Brunton, Rowley and Williams [2]_). The added mass M acts
-at t = 0 only and is given. Shifts between the samples of the Hankel matrix grow geometrically, so that fast and slow
-states are both seen by a small matrix.
+so what is left of the record without its quasi-steady part K t + D holds the Markov parameters of the lag states,
+whose Hankel matrix gives A, B and C (Juang and Pappa [1]_; for wings Brunton, Rowley and Williams [2]_). The added mass
+M acts at t = 0 only and is given. Shifts between the samples of the Hankel matrix grow geometrically, so that fast and
+slow states are both seen by a small matrix.
 
 References
 ----------
@@ -103,7 +103,9 @@ def realise(
     """
     t, y = np.asarray(time, dtype=float), np.asarray(loads, dtype=float)
     _check_record(t, y)
-    whole_number("n_lags", n_lags, least=1, most=min(y.shape[1], y.shape[2]) * (t.size // 4), advice=", or a longer record")
+    whole_number(
+        "n_lags", n_lags, least=1, most=min(y.shape[1], y.shape[2]) * (t.size // 4), advice=", or a longer record"
+    )
     k, d = _quasi_steady(t, y, stiffness, damping)
     transient = y - k * t[:, None, None] - d
     _warn_if_short(transient)
@@ -149,7 +151,7 @@ def _continuous(discrete: Array, drive: Array, dt: float) -> tuple[Array, Array]
             b_blocks.append(np.stack([row.real, row.imag]))
     if not a_blocks:
         raise ValueError("no stable lag state is left; check the sign and the sampling of the record")
-    return sl.block_diag(*a_blocks), np.concatenate(b_blocks)
+    return np.asarray(sl.block_diag(*a_blocks), dtype=float), np.concatenate(b_blocks)
 
 
 def _check_record(t: Array, y: Array) -> None:
@@ -167,9 +169,7 @@ def _check_record(t: Array, y: Array) -> None:
         raise ValueError(f"loads hold a value that is not finite at index {tuple(np.argwhere(~np.isfinite(y))[0])}")
 
 
-def _quasi_steady(
-    t: Array, y: Array, stiffness: ArrayLike | None, damping: ArrayLike | None
-) -> tuple[Array, Array]:
+def _quasi_steady(t: Array, y: Array, stiffness: ArrayLike | None, damping: ArrayLike | None) -> tuple[Array, Array]:
     late = t >= 0.75 * t[-1]
     shape = y.shape[1:]
     if stiffness is None:
@@ -199,7 +199,7 @@ def _hankel(transient: Array, shifts: NDArray[np.intp], offset: int) -> Array:
     """Return the matrix of blocks transient[shift_i + shift_j + offset]."""
     blocks = transient[shifts[:, None] + shifts[None, :] + offset]
     count, rows, columns = shifts.size, *transient.shape[1:]
-    return blocks.transpose(0, 2, 1, 3).reshape(count * rows, count * columns)
+    return np.asarray(blocks.transpose(0, 2, 1, 3).reshape(count * rows, count * columns))
 
 
 def _propagate(a: Array, b: Array, t: Array) -> Array:

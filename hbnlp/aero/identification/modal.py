@@ -55,9 +55,7 @@ def residues(poles: ComplexArray, coefficients: Array) -> ComplexArray:
     return result
 
 
-def lag_states(
-    poles: ComplexArray, matrices: ComplexArray, *, drop: float = 1e-9
-) -> tuple[Array, Array, Array]:
+def lag_states(poles: ComplexArray, matrices: ComplexArray, *, drop: float = 1e-9) -> tuple[Array, Array, Array]:
     """Return real A, B, C with ``C (s I - A)^(-1) B = sum_i matrices[i] / (s - poles[i])``.
 
     Parameters

@@ -57,8 +57,8 @@ class Identification:
         return float(self.errors.max())
 
     def plot(self) -> Figure:
-        """Draw data against fit, an input a panel; see `hbnlp.plot_fit.plot_identification`."""
-        from hbnlp.plot_fit import plot_identification
+        """Draw data against fit, an input a panel; see `hbnlp.plot.plot_identification`."""
+        from hbnlp.plot import plot_identification
 
         figure: Figure = plot_identification(self)
         return figure
@@ -115,7 +115,7 @@ def identify(
     best: tuple[float, PoleFit] | None = None
     for n_poles in range(min(4, limit), limit + 1, 2):
         fit = vector_fit(response, n_poles=n_poles)
-        error = float(inside.column_errors(fit.transfer(1j * inside.omega)).max())
+        error = float(inside.column_errors(fit.transfer(np.asarray(1j * inside.omega, dtype=complex))).max())
         logger.info("%d poles: error %.2e", n_poles, error)
         if best is None or error < best[0]:
             best = (error, fit)
@@ -134,9 +134,7 @@ def identify(
     return Identification(rom=rom, response=response, band=band, n_poles=fit.poles.size)
 
 
-def rom_from_poles(
-    fit: PoleFit, response: FrequencyResponse, *, band: tuple[float, float], error: float
-) -> AeroROM:
+def rom_from_poles(fit: PoleFit, response: FrequencyResponse, *, band: tuple[float, float], error: float) -> AeroROM:
     """Return the ROM of a fit, every pole with as many lag states as its residue has rank."""
     a, b, c = lag_states(fit.poles, fit.residues)
     about = provenance(response, band=band, error=error)

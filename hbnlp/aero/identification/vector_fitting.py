@@ -25,12 +25,13 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
-from hbnlp.aero.identification.modal import real_basis, residues, sort_poles
+from hbnlp.aero.identification.modal import real_basis, sort_poles
 from hbnlp.checks import whole_number
 
 Array = NDArray[np.float64]
@@ -62,7 +63,13 @@ class PoleFit:
         return result
 
 
-def vector_fit(response: FrequencyResponse, *, n_poles: int, iterations: int = 30) -> PoleFit:
+def vector_fit(
+    response: FrequencyResponse,
+    *,
+    n_poles: int,
+    iterations: int = 30,
+    damping: Mapping[int, Array] | None = None,
+) -> PoleFit:
     """Fit a response with a given number of common poles.
 
     Parameters
@@ -72,6 +79,9 @@ def vector_fit(response: FrequencyResponse, *, n_poles: int, iterations: int = 3
         Number of poles, a complex pair counting as two; at least 1, at most the number of frequencies less 2.
     iterations : int
         Number of pole relocations.
+    damping : mapping of int to ndarray, shape (N+1,), optional
+        Columns of D that are known, by their index. Heave's (index 1) is minus the static load per pitch, less the drag
+        coefficient in the row of C_L, as heave velocity at low frequency is minus incidence.
 
     Returns
     -------
@@ -83,30 +93,35 @@ def vector_fit(response: FrequencyResponse, *, n_poles: int, iterations: int = 3
         If there are too few frequencies for so many poles.
     """
     n = whole_number("n_poles", n_poles, least=1, most=max(1, response.omega.size - 2), advice=", or more frequencies")
-    s = 1j * response.omega
+    s = np.asarray(1j * response.omega, dtype=complex)
     h = (response.values - response.static) / s[:, None, None]
     weights = _weights(response)
     poles = sort_poles(-np.geomspace(response.omega[0], response.omega[-1], n))
     for _ in range(iterations):
         poles = _relocate(poles, s, h, weights)
-    return fit_residues(response, poles)
+    return fit_residues(response, poles, damping=damping)
 
 
-def fit_residues(response: FrequencyResponse, poles: ComplexArray) -> PoleFit:
-    """Return the weighted least-squares fit with given poles, ordered as `sort_poles` does."""
-    s = 1j * response.omega
+def fit_residues(
+    response: FrequencyResponse, poles: ComplexArray, *, damping: Mapping[int, Array] | None = None
+) -> PoleFit:
+    """Return the weighted least-squares fit with given poles, ordered as `sort_poles` does, and known columns of D."""
+    s = np.asarray(1j * response.omega, dtype=complex)
     h = (response.values - response.static) / s[:, None, None]
     weights = _weights(response)
-    basis = np.concatenate([real_basis(poles, s), np.ones((s.size, 1)), s[:, None]], axis=1)
+    known = damping or {}
+    # here the lag terms stand as s/(s - p), so that the constant is D
+    basis = np.concatenate([s[:, None] * real_basis(poles, s), s[:, None], np.ones((s.size, 1))], axis=1)
     coefficients = np.empty((poles.size + 2, *h.shape[1:]))
     for column in range(h.shape[2]):
-        scaled = weights[:, column, None] * basis
-        coefficients[:, :, column] = _real_least_squares(scaled, weights[:, column, None] * h[:, :, column])
-    matrices = residues(poles, coefficients[:-2]) / poles[:, None, None]
-    damping = coefficients[-2] - matrices.sum(axis=0).real
-    return PoleFit(
-        poles=poles, residues=matrices, stiffness=response.static, damping=damping, mass=coefficients[-1]
-    )
+        w = weights[:, column, None]
+        if column in known:
+            coefficients[-1, :, column] = known[column]
+            right = w * (h[:, :, column] - known[column])
+            coefficients[:-1, :, column] = _real_least_squares(w * basis[:, :-1], right)
+        else:
+            coefficients[:, :, column] = _real_least_squares(w * basis, w * h[:, :, column])
+    return PoleFit(poles=poles, residues=matrices, stiffness=response.static, damping=damping, mass=coefficients[-1])
 
 
 def _weights(response: FrequencyResponse) -> Array:
@@ -157,11 +172,11 @@ def _companion(poles: ComplexArray) -> tuple[Array, Array]:
     return a, b
 
 
-def _split(array: ComplexArray) -> Array:
+def _split(array: NDArray[Any]) -> Array:
     return np.concatenate([array.real, array.imag])
 
 
-def _real_least_squares(matrix: ComplexArray, right: ComplexArray) -> Array:
+def _real_least_squares(matrix: NDArray[Any], right: NDArray[Any]) -> Array:
     left = _split(matrix)
     scale = np.linalg.norm(left, axis=0)
     return np.asarray(np.linalg.lstsq(left / scale, _split(right), rcond=None)[0] / scale[:, None])

@@ -5,4 +5,13 @@ from hbnlp.aero.linear_flow.campaign import Case, run_campaign
 from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
 from hbnlp.aero.linear_flow.response import LinearResponse
 
-__all__ = ["BaseFlow", "Case", "LinearResponse", "MeshSettings", "half_mesh", "run_campaign", "slit_mesh", "steady_flow"]
+__all__ = [
+    "BaseFlow",
+    "Case",
+    "LinearResponse",
+    "MeshSettings",
+    "half_mesh",
+    "run_campaign",
+    "slit_mesh",
+    "steady_flow",
+]

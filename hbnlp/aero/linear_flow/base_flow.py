@@ -61,7 +61,7 @@ class BaseFlow:
 
 
 def steady_flow(
-    mesh: ngsolve.Mesh, *, reynolds: float, incidence: float = 0.0, order: int = 4, tolerance: float = 1e-11
+    mesh: ngsolve.Mesh, *, reynolds: float, incidence: float = 0.0, order: int = 4, tolerance: float = 1e-6
 ) -> BaseFlow:
     """Solve the steady incompressible Navier-Stokes equations past the plate.
 
@@ -79,7 +79,7 @@ def steady_flow(
     order : int
         Polynomial order of the velocity, at least 2.
     tolerance : float
-        Relative Newton correction at which to stop.
+        Relative Newton correction after which to stop; the error left is about its square.
 
     Returns
     -------
@@ -132,7 +132,8 @@ def steady_flow(
         if len(corrections) > 20 or not np.isfinite(corrections[-1]) or corrections[-1] > 1e3:
             raise ConvergenceError(
                 f"the steady flow at Re = {reynolds:g}, incidence {incidence:g} rad was not found "
-                f"(correction {corrections[-1]:.1e} after {len(corrections)} steps); refine the mesh or lower the Reynolds number",
+                f"(correction {corrections[-1]:.1e} after {len(corrections)} steps); "
+                "refine the mesh or lower the Reynolds number",
                 tuple(corrections),
             )
     with ng.TaskManager():

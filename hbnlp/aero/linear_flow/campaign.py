@@ -120,7 +120,9 @@ def run_campaign(
     """
     frequencies = np.unique(np.asarray(omega, dtype=float))
     if frequencies.size == 0 or not frequencies[0] > 0.0 or not np.isfinite(frequencies[-1]):
-        raise ValueError(f"omega is {omega}; give finite frequencies above zero (the static response is always computed)")
+        raise ValueError(
+            f"omega is {omega}; give finite frequencies above zero (the static response is always computed)"
+        )
     strange = sorted(set(map(float, probes)) - set(frequencies.tolist()))
     if strange:
         raise ValueError(f"probes {strange} are not among the frequencies; choose some of omega")
@@ -183,7 +185,9 @@ def _check_same_case(file: Path, case: Case) -> None:
     if not file.exists():
         file.write_text(json.dumps(settings))
     elif json.loads(file.read_text()) != settings:
-        raise ValueError(f"{str(file.parent)!r} belongs to the case {file.read_text()}; resume that, or remove the folder")
+        raise ValueError(
+            f"{str(file.parent)!r} belongs to the case {file.read_text()}; resume that, or remove the folder"
+        )
 
 
 def _part(folder: Path, omega: float) -> Path:

@@ -82,7 +82,9 @@ def _pardiso_library() -> ctypes.CDLL | None:
             return ctypes.CDLL(name, mode=ctypes.RTLD_GLOBAL)
         except OSError as error:
             logger.debug("cannot load %s: %s", name, error)
-    logger.warning("the MKL is not installed: SuperLU is used instead, many times slower; pip install 'hbnlp[flow]' brings it")
+    logger.warning(
+        "the MKL is not installed: SuperLU is used instead, many times slower; pip install 'hbnlp[flow]' brings it"
+    )
     return None
 
 

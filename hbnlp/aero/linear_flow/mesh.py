@@ -39,13 +39,13 @@ class MeshSettings:
     """
 
     domain: float = 1000.0
-    plate: float = 0.025
-    wake: float = 0.5
+    plate: float = 0.03
+    wake: float = 0.4
     edge: float = 1e-6
     growth: float = 0.35
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.edge < self.plate < 0.5 < 5.0 <= self.domain:
+        if not (0.0 < self.edge < self.plate < 0.5 and self.domain >= 5.0):
             raise ValueError(
                 f"edge {self.edge:g}, plate {self.plate:g}, domain {self.domain:g} chords are out of order; "
                 "0 < edge < plate < 0.5 and domain >= 5 are accepted"
@@ -125,7 +125,8 @@ def slit_mesh(settings: MeshSettings, *, incidence: float = 0.0) -> ngsolve.Mesh
 def _wake_sizes(settings: MeshSettings) -> Iterator[tuple[float, float]]:
     x = 1.0
     while x < 2.0 * settings.domain:
-        h = max(settings.plate, settings.wake * np.sqrt(x - 0.96))
+        behind = x - 1.0
+        h = settings.plate + min(0.2 * behind, settings.wake * np.sqrt(behind))
         yield x, h
         x += h / 2.0
 
