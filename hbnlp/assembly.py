@@ -2,7 +2,7 @@
 
 Automatic differentiation through the whole alternating frequency/time residual wastes most of its time. Here CasADi
 differentiates the force at one sample, exactly; the compiled derivative is mapped over the samples, and constant matrices
-project it onto the harmonics. The linear part comes from `dynamic_stiffness`.
+project it onto the harmonics. The linear part comes from `linear_balance`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,13 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hbnlp.dynamic_stiffness import DynamicStiffness
-from hbnlp.fourier import Array, ComplexArray, FourierBasis, n_coefficients, to_complex
+from hbnlp.fourier import Array, FourierBasis, n_coefficients
+from hbnlp.linear_balance import LinearBalance
 from hbnlp.system import System
+
+
+LARGEST_EXPANSION = 50_000
+"""Instructions up to which all samples are written out as one function: calls cost more than arithmetic there."""
 
 
 class MappedFunction:
@@ -27,6 +31,8 @@ class MappedFunction:
     def __init__(self, function: ca.Function, inputs: list[Array]) -> None:
         n_samples = inputs[0].shape[0]
         self._mapped = function.map(n_samples)
+        if function.n_instructions() * n_samples <= LARGEST_EXPANSION:
+            self._mapped = self._mapped.expand()
         self._inputs = inputs
         self._outputs = [np.zeros((n_samples, function.nnz_out(i))) for i in range(function.n_out())]
         self._buffer, self._run = self._mapped.buffer()
@@ -53,8 +59,10 @@ class SampledForce:
         dp = ca.SX.sym("dp", p.numel())
         g = ca.substitute(system.force, system.v, p[system.parameters.index("omega")] / periods * r)
         by_q, by_r = ca.jacobian(g, q), ca.jacobian(g, r)
-        self.rows_q, self.columns_q = (np.array(k, dtype=int) for k in by_q.sparsity().get_triplet())
-        self.rows_r, self.columns_r = (np.array(k, dtype=int) for k in by_r.sparsity().get_triplet())
+        self.places_q, self.places_r = (
+            tuple(np.array(k, dtype=int) for k in e.sparsity().get_triplet()) for e in (by_q, by_r)
+        )
+        self.depends_on = np.array([ca.depends_on(g, p[i]) for i in range(p.numel())], dtype=bool)
         entries = [_entries(by_q), _entries(by_r)]
         point, direction = ca.vertcat(q, r, p), ca.vertcat(dq, dr, dp)
         self._functions = {
@@ -105,25 +113,24 @@ class Assembly:
     """
 
     def __init__(self, system: System, basis: FourierBasis, periods: int) -> None:
-        self.dynamic_stiffness = DynamicStiffness(system, basis.n_harmonics, periods)
+        self.linear = LinearBalance(system, basis.n_harmonics, periods)
         self.force = SampledForce(system, basis, periods) if system.is_nonlinear else None
+        self._projection = basis.projection
         self._basis = basis
         self._shape = (system.n_dof, n_coefficients(basis.n_harmonics))
         self.size = self._shape[0] * self._shape[1]
 
     def residual(self, x: Array, values: Array, load: float = 1.0) -> Array:
-        """Return R (n L,); ``load`` scales the excitation E (homotopy from rest)."""
+        """Return R (n L,); ``load`` scales the excitation (homotopy from rest)."""
         coefficients = x.reshape(self._shape)
-        dynamic, excitation = self.dynamic_stiffness(values)
-        result = self._balance(dynamic, coefficients, load * excitation)
+        result = self.linear.residual(coefficients, values, load)
         if self.force:
-            result += self._project(self.force("value", coefficients, values)[0])
-        return result.ravel()
+            result += (self._projection @ self.force("value", coefficients, values)[0]).T
+        return result.reshape(-1)
 
     def jacobian(self, x: Array, values: Array) -> Array:
         """Return dR/dx, (n L, n L)."""
-        matrix = np.zeros((*self._shape, *self._shape))
-        self._add_linear(matrix, self.dynamic_stiffness(values)[0])
+        matrix = self.linear.jacobian(values)
         if self.force:
             _, by_q, by_r = self.force("jacobian", x.reshape(self._shape), values)
             self._add_force(matrix, by_q, by_r)
@@ -132,23 +139,19 @@ class Assembly:
     def parameter_derivative(self, x: Array, values: Array, index: int, load: float = 1.0) -> Array:
         """Return dR/dp_index, (n L,)."""
         coefficients = x.reshape(self._shape)
-        dynamic, excitation = self.dynamic_stiffness.derivative(values, index)
-        result = self._balance(dynamic, coefficients, load * excitation)
-        if self.force:
+        result = self.linear.residual_slope(coefficients, values, index, load)
+        if self.force and self.force.depends_on[index]:
             self.force.set_direction(None, index)
-            result += self._project(self.force("along", coefficients, values)[0])
-        return result.ravel()
+            result += (self._projection @ self.force("along", coefficients, values)[0]).T
+        return result.reshape(-1)
 
     def load_derivative(self, values: Array) -> Array:
-        """Return dR/dload = -E, (n L,)."""
-        dynamic, excitation = self.dynamic_stiffness(values)
-        return self._balance(np.zeros_like(dynamic), np.zeros(self._shape), excitation).ravel()
+        """Return dR/dload, (n L,)."""
+        return -self.linear.excitation(values).ravel()
 
     def jacobian_along(self, x: Array, values: Array, dx: Array | None, index: int | None = None) -> Array:
         """Return the derivative of dR/dx along ``dx`` plus that by parameter ``index``, (n L, n L)."""
-        matrix = np.zeros((*self._shape, *self._shape))
-        if index is not None:
-            self._add_linear(matrix, self.dynamic_stiffness.derivative(values, index)[0])
+        matrix = np.zeros((*self._shape, *self._shape)) if index is None else self.linear.jacobian_slope(values, index)
         if self.force:
             self.force.set_direction(None if dx is None else dx.reshape(self._shape), index)
             by_q, by_r = self.force("jacobian_along", x.reshape(self._shape), values)
@@ -156,32 +159,8 @@ class Assembly:
         return matrix.reshape(self.size, self.size)
 
     def term_size(self, x: Array, values: Array) -> float:
-        """Return the size of the terms that R balances, the largest entry of |Z_h| |q_h| + |E_h|."""
-        dynamic, excitation = self.dynamic_stiffness(values)
-        amplitudes = np.abs(to_complex(x.reshape(self._shape))).T[..., None]
-        return float(np.max((np.abs(dynamic) @ amplitudes)[..., 0] + np.abs(excitation)))
-
-    def _balance(self, dynamic: ComplexArray, coefficients: Array, excitation: ComplexArray) -> Array:
-        """Return the coefficients (n, L) of Z q - E."""
-        balance = (dynamic @ to_complex(coefficients).T[..., None])[..., 0] - excitation
-        result = np.empty(self._shape)
-        result[:, 0] = balance[0].real
-        result[:, 1::2] = balance[1:].real.T
-        result[:, 2::2] = -balance[1:].imag.T
-        return result
-
-    def _add_linear(self, matrix: Array, dynamic: ComplexArray) -> None:
-        """Add the real form of Z: q = a - i b gives the cosine part Zr a + Zi b and the sine part Zr b - Zi a."""
-        real, imaginary = dynamic.real, dynamic.imag
-        cosine, sine = np.arange(1, self._shape[1], 2), np.arange(2, self._shape[1], 2)
-        matrix[:, 0, :, 0] += real[0]
-        matrix[:, cosine, :, cosine] += real[1:]
-        matrix[:, sine, :, sine] += real[1:]
-        matrix[:, cosine, :, sine] += imaginary[1:]
-        matrix[:, sine, :, cosine] -= imaginary[1:]
-
-    def _project(self, samples: Array) -> Array:
-        return (self._basis.projection @ samples).T
+        """Return the size of the terms that R balances: the largest entry of its linear terms and excitation."""
+        return self.linear.term_size(x.reshape(self._shape), values)
 
     @cached_property
     def _products(self) -> tuple[Array, Array]:
@@ -196,10 +175,16 @@ class Assembly:
     def _add_force(self, matrix: Array, by_q: Array, by_r: Array) -> None:
         force, size = self.force, self._shape[1]
         assert force is not None
-        if by_q.shape[1]:
-            matrix[force.rows_q, :, force.columns_q, :] += (by_q.T @ self._products[0]).reshape(-1, size, size)
-        if by_r.shape[1]:
-            matrix[force.rows_r, :, force.columns_r, :] += (by_r.T @ self._products[1]).reshape(-1, size, size)
+        for samples, products, (rows, columns) in (
+            (by_q, self._products[0], force.places_q),
+            (by_r, self._products[1], force.places_r),
+        ):
+            if rows.size == self._shape[0] ** 2:
+                # entries come column by column: (column, row, L, L) to (row, L, column, L)
+                blocks = (samples.T @ products).reshape(self._shape[0], self._shape[0], size, size)
+                matrix += blocks.transpose(1, 2, 0, 3)
+            elif rows.size:
+                matrix[rows, :, columns, :] += (samples.T @ products).reshape(-1, size, size)
 
 
 def _entries(matrix: ca.SX) -> ca.SX:

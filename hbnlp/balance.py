@@ -200,7 +200,7 @@ class HarmonicBalance:
     @cached_property
     def _excitation(self) -> tuple[ca.MX, ca.MX]:
         """Coefficients (2H+1, n) of the load and (2H+1, m) of B_u u''."""
-        basis = self.assembly.dynamic_stiffness.excitation_basis
+        basis = self.assembly.linear.excitation_basis
         tau = self.periods * basis.theta[None, :]
         samples = self.system.excitation.map(basis.n_samples)(tau, ca.repmat(self.p, 1, basis.n_samples))
         load, lag_motion = (ca.DM(basis.projection) @ s.T for s in samples)
@@ -208,7 +208,7 @@ class HarmonicBalance:
 
     def _lag_states(self, acceleration: ca.MX, lag_motion: ca.MX) -> ca.MX:
         """Return the coefficients (2H+1, m) of x, from (s - A) x = B q'' + B_u u'' in the basis of eigenvectors of A."""
-        lags = self.assembly.dynamic_stiffness.lags
+        lags = self.assembly.linear.lags
         drive = acceleration @ ca.DM(self.system.lag_input.T) + lag_motion
         inverse = np.linalg.inv(lags.vectors)
         drive_r, drive_i = drive @ ca.DM(inverse.real.T), drive @ ca.DM(inverse.imag.T)

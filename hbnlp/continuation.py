@@ -211,7 +211,7 @@ class Continuation:
         located = locate(self, base, trial, test, tol=1e-4)
         if located is None:
             return None
-        return BranchPoint(point=located, null=_second_null_vector(self.curve, located))
+        return _at_branch_point(self.curve, located)
 
 
 def locate(
@@ -220,7 +220,7 @@ def locate(
     """Return the point between two others where ``test`` vanishes, by Brent's method along the tangent of ``base``.
 
     The search ends when ``test`` is below ``tol`` times its larger value at the ends; the two points next to the zero are then
-    interpolated and the result put back onto the curve. None is returned if a corrector fails, or if the points do not close in on one another: a jump.
+    interpolated; with ``tol`` zero the result is corrected as well. None is returned if a corrector fails, or if the points do not close in on one another: a jump.
     """
     row = base.tangent / base.scale**2
     length = float(row @ (end.y - base.y))
@@ -253,17 +253,9 @@ def locate(
         return None
     share = found[left] / (found[left] - found[right]) if found[left] != found[right] else 0.0
     guess = points[left].y + share * (points[right].y - points[left].y)
-    polished = finish(stepper.curve, guess, row, points[root], stepper.options.newton) if tol == 0.0 else None
-    return polished or dataclasses.replace(points[root], y=_onto_curve(stepper.curve, guess))
-
-
-def _onto_curve(curve: Curve, y: Array) -> Array:
-    """Return the point of the curve nearest to y, also where two branches cross: Gauss-Newton steps of least length."""
-    for _ in range(3):
-        scale = curve.scale(y)
-        step = np.linalg.lstsq(curve.jacobian(y) * scale, -curve.residual(y), rcond=1e-6)[0]
-        y = y + scale * step
-    return y
+    if tol > 0.0:
+        return dataclasses.replace(points[root], y=guess)
+    return finish(stepper.curve, guess, row, points[root], stepper.options.newton)
 
 
 def start_point(curve: Curve, y: Array, toward: Array) -> Point:
@@ -315,10 +307,24 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
     )
 
 
-def _second_null_vector(curve: Curve, point: Point) -> Array:
-    """Return the unit vector that J maps to (nearly) zero and that is normal to the tangent, in the metric of the point."""
-    matrix = np.vstack([curve.jacobian(point.y) * point.scale, point.tangent / point.scale])
-    return np.asarray(np.linalg.svd(matrix)[2][-1] * point.scale)
+def _at_branch_point(curve: Curve, near: Point) -> BranchPoint | None:
+    """Return the branch point next to a point on a curve, and its second null vector.
+
+    There the matrix [J; tangent] is singular, and nearly so at the point: inverse iteration gives the vector that it annuls,
+    and Newton steps without a part along that vector put the point onto the curve.
+    """
+    y, row = near.y, near.tangent / near.scale**2
+    null = np.ones(y.size) * near.scale
+    for _ in range(2):
+        factors = Bordered(curve.jacobian(y), row)
+        if factors.singular:
+            return None
+        for _ in range(2):
+            null = factors.solve(null / near.scale)
+            null /= np.linalg.norm(null / near.scale)
+        step = factors.solve(np.append(curve.residual(y), 0.0))
+        y = y - (step - null * float((null / near.scale) @ (step / near.scale)))
+    return BranchPoint(point=dataclasses.replace(near, y=y), null=null)
 
 
 def _angle(a: Array, b: Array) -> float:

@@ -117,6 +117,7 @@ def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correcti
     y = guess.copy()
     factors: Bordered | None = None
     factorisations, last, error = 0, np.inf, np.inf
+    scale = curve.scale(y)
     right = np.zeros(y.size)
     for iteration in range(1, options.max_iterations + 1):
         right[:-1] = curve.residual(y)
@@ -130,7 +131,11 @@ def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correcti
                 return _failed(y, iteration, factorisations, error, "the Jacobian is singular or not finite")
         step = factors.solve(right)
         y -= step
-        size = float(np.linalg.norm(step / curve.scale(y)))
+        size = _length(step / scale)
+        if size > 1.0:
+            # a guess that was far off, or zero, says nothing about the size of the solution
+            scale = curve.scale(y)
+            size = _length(step / scale)
         rate = size / last
         if iteration > 1:
             error = size * rate / (1.0 - rate) if rate < 1.0 else np.inf
@@ -145,6 +150,10 @@ def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correcti
             factors = None
         last = size
     return _failed(y, options.max_iterations, factorisations, error, f"no convergence in {options.max_iterations} iterations")
+
+
+def _length(vector: Array) -> float:
+    return float(np.sqrt(vector @ vector))
 
 
 def _failed(y: Array, iterations: int, factorisations: int, error: float, reason: str) -> Correction:
