@@ -15,6 +15,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,7 +66,9 @@ def balanced_truncation(rom: AeroROM, n_lags: int) -> Balanced:
     return Balanced(_with_lags(rom, left.T @ a @ right, left.T @ b, c @ right), values)
 
 
-def reduce_to_band(rom: AeroROM, response: FrequencyResponse, *, n_lags: int, sweeps: int = 20) -> AeroROM:
+def reduce_to_band(
+    rom: AeroROM, response: FrequencyResponse, *, n_lags: int, sweeps: int = 20, known: Sequence[int] = ()
+) -> AeroROM:
     """Return a ROM of ``n_lags`` lag states that is as good as it can be made over the band of a response.
 
     Parameters
@@ -77,6 +80,8 @@ def reduce_to_band(rom: AeroROM, response: FrequencyResponse, *, n_lags: int, sw
     n_lags : int
     sweeps : int
         Alternations between the fit of (D, M, C) and of (D, M, B).
+    known : sequence of int
+        Columns of D that stay as they are.
 
     Raises
     ------
@@ -99,38 +104,42 @@ def reduce_to_band(rom: AeroROM, response: FrequencyResponse, *, n_lags: int, sw
         raise ValueError(f"{n} lag states, balanced over the band, are not stable; take a few more or fewer")
     reduced = _with_lags(rom, a, left.T @ rom.lag_input, rom.lag_output @ right)
     for _ in range(sweeps):
-        reduced = refit_output(refit_input(reduced, response), response)
+        reduced = refit_output(refit_input(reduced, response, known=known), response, known=known)
     return reduced
 
 
-def refit_output(rom: AeroROM, response: FrequencyResponse) -> AeroROM:
+def refit_output(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[int] = ()) -> AeroROM:
     """Fit D, M and C to a response with A and B given, in the norm of the relative error of columns."""
     s = np.asarray(1j * response.omega, dtype=complex)
     _, rows, columns = response.values.shape
     states = _states(rom.lag_state, rom.lag_input, s)
     weights = 1.0 / np.linalg.norm(response.values, axis=1)
     eye = np.eye(columns)
-    # unknowns of one load: [C (n), D (columns), M (columns)]
+    free = [column for column in range(columns) if column not in known]
+    fixed = rom.damping.copy()
+    fixed[:, free] = 0.0
+    # unknowns of one load: [C (n), D (free columns), M (columns)]
     matrix = np.concatenate(
         [
             (s**2)[:, None, None] * states.transpose(0, 2, 1),
-            s[:, None, None] * eye[None],
+            s[:, None, None] * eye[None][:, :, free],
             (s**2)[:, None, None] * eye[None],
         ],
         axis=2,
     )
     matrix = (weights[:, :, None] * matrix).reshape(s.size * columns, -1)
-    right = weights[:, :, None] * (response.values - rom.stiffness).transpose(0, 2, 1)
+    right = weights[:, :, None] * (response.values - rom.stiffness - s[:, None, None] * fixed).transpose(0, 2, 1)
     solution = _least_squares(matrix, right.reshape(s.size * columns, rows))
     n = rom.n_lags
+    fixed[:, free] = solution[n : n + len(free)].T
     return AeroROM(
-        stiffness=rom.stiffness, damping=solution[n : n + columns].T, mass=solution[n + columns :].T,
+        stiffness=rom.stiffness, damping=fixed, mass=solution[n + len(free) :].T,
         lag_state=rom.lag_state, lag_input=rom.lag_input, lag_output=solution[:n].T,
         base_motion=rom.base_motion, base_load=rom.base_load, provenance=rom.provenance,
     )  # fmt: skip
 
 
-def refit_input(rom: AeroROM, response: FrequencyResponse) -> AeroROM:
+def refit_input(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[int] = ()) -> AeroROM:
     """Fit D, M and B to a response with A and C given, in the norm of the relative error of columns."""
     s: ComplexArray = np.asarray(1j * response.omega, dtype=complex)
     m, rows, columns = response.values.shape
@@ -143,9 +152,14 @@ def refit_input(rom: AeroROM, response: FrequencyResponse) -> AeroROM:
     solution = np.empty((n + 2 * rows, columns))
     for column in range(columns):
         weights = 1.0 / np.linalg.norm(response.values[:, :, column], axis=1)
-        right = weights[:, None] * (response.values[:, :, column] - rom.stiffness[:, column])
-        matrix = (weights[:, None, None] * basis).reshape(m * rows, -1)
-        solution[:, column] = _least_squares(matrix, right.reshape(-1, 1))[:, 0]
+        unknown = np.ones(n + 2 * rows, dtype=bool)
+        right = response.values[:, :, column] - rom.stiffness[:, column]
+        if column in known:
+            unknown[n : n + rows] = False
+            solution[n : n + rows, column] = rom.damping[:, column]
+            right = right - s[:, None] * rom.damping[:, column]
+        matrix = (weights[:, None, None] * basis[:, :, unknown]).reshape(m * rows, -1)
+        solution[unknown, column] = _least_squares(matrix, (weights[:, None] * right).reshape(-1, 1))[:, 0]
     return AeroROM(
         stiffness=rom.stiffness, damping=solution[n : n + rows], mass=solution[n + rows :],
         lag_state=rom.lag_state, lag_input=solution[:n], lag_output=rom.lag_output,

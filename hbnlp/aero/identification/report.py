@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -80,6 +81,7 @@ def identify(
     tolerance: float = 5e-3,
     band: tuple[float, float] | None = None,
     n_lags: int | None = None,
+    damping: Mapping[int, Array] | None = None,
     most_poles: int = 40,
 ) -> Identification:
     """Identify a ROM: as few common poles as reach the tolerance, then, if asked, as few lag states as given.
@@ -95,6 +97,8 @@ def identify(
         Frequencies at which the error counts; all by default. Data outside are fitted as well.
     n_lags : int, optional
         Number of lag states to reduce to, by balancing over the band and refitting; all by default.
+    damping : mapping of int to ndarray, shape (N+1,), optional
+        Columns of D that are known, by their index (see `vector_fit`).
     most_poles : int
         Where the search for the number of poles ends.
 
@@ -114,7 +118,7 @@ def identify(
     limit = min(most_poles, response.omega.size - 2)
     best: tuple[float, PoleFit] | None = None
     for n_poles in range(min(4, limit), limit + 1, 2):
-        fit = vector_fit(response, n_poles=n_poles)
+        fit = vector_fit(response, n_poles=n_poles, damping=damping)
         error = float(inside.column_errors(fit.transfer(np.asarray(1j * inside.omega, dtype=complex))).max())
         logger.info("%d poles: error %.2e", n_poles, error)
         if best is None or error < best[0]:
@@ -128,7 +132,7 @@ def identify(
         logger.warning("the error is %.2e with %d poles, above the tolerance %.2e", error, fit.poles.size, tolerance)
     rom = rom_from_poles(fit, response, band=band, error=error)
     if n_lags is not None:
-        rom = reduce_to_band(rom, inside, n_lags=n_lags)
+        rom = reduce_to_band(rom, inside, n_lags=n_lags, known=tuple(damping or ()))
         error = float(inside.column_errors(rom.transfer(1j * inside.omega)).max())
         rom = _with_provenance(rom, provenance(response, band=band, error=error))
     return Identification(rom=rom, response=response, band=band, n_poles=fit.poles.size)

@@ -24,6 +24,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
-from hbnlp.aero.identification.modal import real_basis, sort_poles
+from hbnlp.aero.identification.modal import real_basis, residues, sort_poles
 from hbnlp.checks import whole_number
 
 Array = NDArray[np.float64]
@@ -121,7 +122,13 @@ def fit_residues(
             coefficients[:-1, :, column] = _real_least_squares(w * basis[:, :-1], right)
         else:
             coefficients[:, :, column] = _real_least_squares(w * basis, w * h[:, :, column])
-    return PoleFit(poles=poles, residues=matrices, stiffness=response.static, damping=damping, mass=coefficients[-1])
+    return PoleFit(
+        poles=poles,
+        residues=residues(poles, coefficients[:-2]),
+        stiffness=response.static,
+        damping=coefficients[-1],
+        mass=coefficients[-2],
+    )
 
 
 def _weights(response: FrequencyResponse) -> Array:

@@ -71,7 +71,9 @@ class Case:
     def variations(self) -> dict[str, Case]:
         """Return the cases whose difference to this one estimates its error: by order, mesh and domain."""
         mesh = self.mesh
-        finer = replace(mesh, plate=mesh.plate / 1.5, wake=mesh.wake / 1.5, edge=mesh.edge / 16.0)
+        finer = replace(
+            mesh, plate=mesh.plate / 1.5, wake=mesh.wake / 1.5, growth=mesh.growth / 1.5, edge=mesh.edge / 16.0
+        )
         return {
             "order": replace(self, order=self.order + 1),
             "mesh": replace(self, mesh=finer),

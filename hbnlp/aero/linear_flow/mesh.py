@@ -25,7 +25,7 @@ class MeshSettings:
         Element size on the plate.
     wake : float
         Element size on the wake line, relative to the root of the distance from the trailing edge (the wake widens
-        with that root).
+        with that root), up to a hundred chords; growing with the distance beyond.
     edge : float
         Size of the elements at the leading and the trailing edge, where the pressure goes as the inverse root of the
         distance.
@@ -42,7 +42,7 @@ class MeshSettings:
     plate: float = 0.03
     wake: float = 0.4
     edge: float = 1e-6
-    growth: float = 0.35
+    growth: float = 0.25
 
     def __post_init__(self) -> None:
         if not (0.0 < self.edge < self.plate < 0.5 and self.domain >= 5.0):
@@ -76,7 +76,8 @@ def half_mesh(settings: MeshSettings, *, incidence: float = 0.0) -> ngsolve.Mesh
     for x in np.arange(0.0, 1.0 + 1e-9, settings.plate / 2.0):
         parameters.RestrictH(x, 0.0, 0.0, settings.plate)
     for x in (0.0, 1.0):
-        parameters.RestrictH(x, 0.0, 0.0, settings.plate / 3.0)
+        # the wake's velocity goes as the cube root of the distance from the trailing edge: elements shrink towards it
+        parameters.RestrictH(x, 0.0, 0.0, settings.plate / 30.0)
     for x, h in _wake_sizes(settings):
         y = (x - 1.0) * np.tan(abs(incidence))
         if y < far:
@@ -126,7 +127,7 @@ def _wake_sizes(settings: MeshSettings) -> Iterator[tuple[float, float]]:
     x = 1.0
     while x < 2.0 * settings.domain:
         behind = x - 1.0
-        h = settings.plate + min(0.2 * behind, settings.wake * np.sqrt(behind))
+        h = settings.plate + min(0.2 * behind, settings.wake * max(np.sqrt(behind), 0.1 * behind))
         yield x, h
         x += h / 2.0
 
