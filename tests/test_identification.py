@@ -42,9 +42,7 @@ def response_of(fit, omega=OMEGA):
 
 def rom_of(fit):
     a, b, c = lag_states(fit.poles, fit.residues)
-    return AeroROM(
-        stiffness=fit.stiffness, damping=fit.damping, mass=fit.mass, lag_state=a, lag_input=b, lag_output=c
-    )
+    return AeroROM(stiffness=fit.stiffness, damping=fit.damping, mass=fit.mass, lag_state=a, lag_input=b, lag_output=c)
 
 
 def theodorsen_response(n_modes=3, omega=OMEGA):
@@ -88,9 +86,7 @@ def test_theodorsens_function_is_fitted_to_the_tolerance_with_stable_poles():
 
 def test_a_fit_gets_better_with_every_four_poles():
     response = theodorsen_response()
-    errors = [
-        response.column_errors(vector_fit(response, n_poles=n).transfer(1j * OMEGA)).max() for n in (2, 6, 10)
-    ]
+    errors = [response.column_errors(vector_fit(response, n_poles=n).transfer(1j * OMEGA)).max() for n in (2, 6, 10)]
     assert errors[1] < 0.5 * errors[0]
     assert errors[2] < 0.5 * errors[1]
 

@@ -25,7 +25,7 @@ class MeshSettings:
         Element size on the plate.
     wake : float
         Element size on the wake line, relative to the root of the distance from the trailing edge (the wake widens
-        with that root), up to a hundred chords; growing with the distance beyond.
+        with that root), up to thirty chords; growing with the distance beyond.
     edge : float
         Size of the elements at the leading and the trailing edge, where the pressure goes as the inverse root of the
         distance.
@@ -40,9 +40,9 @@ class MeshSettings:
 
     domain: float = 1000.0
     plate: float = 0.03
-    wake: float = 0.4
+    wake: float = 0.22
     edge: float = 1e-6
-    growth: float = 0.25
+    growth: float = 0.3
 
     def __post_init__(self) -> None:
         if not (0.0 < self.edge < self.plate < 0.5 and self.domain >= 5.0):
@@ -127,7 +127,7 @@ def _wake_sizes(settings: MeshSettings) -> Iterator[tuple[float, float]]:
     x = 1.0
     while x < 2.0 * settings.domain:
         behind = x - 1.0
-        h = settings.plate + min(0.2 * behind, settings.wake * max(np.sqrt(behind), 0.1 * behind))
+        h = settings.plate + min(0.2 * behind, settings.wake * max(np.sqrt(behind), 0.18 * behind))
         yield x, h
         x += h / 2.0
 
