@@ -9,15 +9,15 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-def sort_poles(poles: ArrayLike) -> ComplexArray:
+def sort_poles(poles: ArrayLike, *, least_damping: float = 1e-6) -> ComplexArray:
     """Return poles closed under conjugation, stable: real ones first, then pairs, positive imaginary part first.
 
-    Poles in the right half plane are reflected into the left, those on the axis moved to its left by 1e-6 of their
-    size; a complex pole stands for its pair, and only one of each pair needs to be given.
+    Poles in the right half plane are reflected into the left, and those whose damping ratio -Re(p)/|p| is below
+    ``least_damping`` are moved to it; a complex pole stands for its pair, and only one of each pair needs to be given.
     """
     given = np.atleast_1d(np.asarray(poles, dtype=complex))
     size = np.maximum(np.abs(given), 1e-12)
-    real_part = -np.maximum(np.abs(given.real), 1e-6 * size)
+    real_part = -np.maximum(np.abs(given.real), least_damping * size)
     imaginary = np.where(np.abs(given.imag) < 1e-9 * size, 0.0, np.abs(given.imag))
     reals = np.sort(real_part[imaginary == 0.0])[::-1]
     upper = imaginary > 0.0

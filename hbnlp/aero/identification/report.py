@@ -83,6 +83,7 @@ def identify(
     n_lags: int | None = None,
     damping: Mapping[int, Array] | None = None,
     most_poles: int = 40,
+    least_damping: float = 1e-6,
 ) -> Identification:
     """Identify a ROM: as few common poles as reach the tolerance, then, if asked, as few lag states as given.
 
@@ -101,6 +102,8 @@ def identify(
         Columns of D that are known, by their index (see `vector_fit`).
     most_poles : int
         Where the search for the number of poles ends.
+    least_damping : float
+        Least damping ratio of a pole (see `vector_fit`).
 
     Returns
     -------
@@ -118,7 +121,7 @@ def identify(
     limit = min(most_poles, response.omega.size - 2)
     best: tuple[float, PoleFit] | None = None
     for n_poles in range(min(4, limit), limit + 1, 2):
-        fit = vector_fit(response, n_poles=n_poles, damping=damping)
+        fit = vector_fit(response, n_poles=n_poles, damping=damping, least_damping=least_damping)
         error = float(inside.column_errors(fit.transfer(np.asarray(1j * inside.omega, dtype=complex))).max())
         logger.info("%d poles: error %.2e", n_poles, error)
         if best is None or error < best[0]:

@@ -69,6 +69,7 @@ def vector_fit(
     *,
     n_poles: int,
     iterations: int = 30,
+    least_damping: float = 1e-6,
     damping: Mapping[int, Array] | None = None,
 ) -> PoleFit:
     """Fit a response with a given number of common poles.
@@ -80,6 +81,9 @@ def vector_fit(
         Number of poles, a complex pair counting as two; at least 1, at most the number of frequencies less 2.
     iterations : int
         Number of pole relocations.
+    least_damping : float
+        Least damping ratio -Re(p)/|p| of a pole. Noise in the data is fitted by pairs near the imaginary axis, which
+        have no place in the response of a stable flow: give 0.2, say, to keep them away.
     damping : mapping of int to ndarray, shape (N+1,), optional
         Columns of D that are known, by their index. Heave's (index 1) is minus the static load per pitch, less the drag
         coefficient in the row of C_L, as heave velocity at low frequency is minus incidence.
@@ -99,7 +103,7 @@ def vector_fit(
     weights = _weights(response)
     poles = sort_poles(-np.geomspace(response.omega[0], response.omega[-1], n))
     for _ in range(iterations):
-        poles = _relocate(poles, s, h, weights)
+        poles = _relocate(poles, s, h, weights, least_damping)
     return fit_residues(response, poles, damping=damping)
 
 
@@ -138,7 +142,9 @@ def _weights(response: FrequencyResponse) -> Array:
     return weights
 
 
-def _relocate(poles: ComplexArray, s: ComplexArray, h: ComplexArray, weights: Array) -> ComplexArray:
+def _relocate(
+    poles: ComplexArray, s: ComplexArray, h: ComplexArray, weights: Array, least_damping: float
+) -> ComplexArray:
     n = poles.size
     basis = real_basis(poles, s)
     common = np.concatenate([basis, np.ones((s.size, 1)), s[:, None]], axis=1)
@@ -166,7 +172,7 @@ def _relocate(poles: ComplexArray, s: ComplexArray, h: ComplexArray, weights: Ar
     if abs(constant) < 1e-8:
         constant = np.copysign(1e-8, constant)
     a, b = _companion(poles)
-    return sort_poles(np.linalg.eigvals(a - np.outer(b, solution[:n]) / constant))
+    return sort_poles(np.linalg.eigvals(a - np.outer(b, solution[:n]) / constant), least_damping=least_damping)
 
 
 def _companion(poles: ComplexArray) -> tuple[Array, Array]:

@@ -61,15 +61,15 @@ def linearise(flow: BaseFlow) -> LinearisedFlow:
     velocity = _velocity_space(flow)
     space = velocity * ng.H1(flow.mesh, order=flow.order - 1)
     base_u, base_p = flow.state.components
-    nu = 1.0 / flow.reynolds
+    nu, order = 1.0 / flow.reynolds, flow.order
     (u, p), (v, q) = space.TnT()
     eta = velocity.TrialFunction()
     convection = ng.Grad(u) * base_u + ng.Grad(base_u) * u
     forms = {
-        "stiffness": _form(space, space, stress_power(u, p, v, q, nu) + ng.InnerProduct(convection, v)),
-        "mass": _form(space, space, ng.InnerProduct(u, v)),
-        "shape_stiffness": _form(velocity, space, _shape_derivative(base_u, base_p, eta, v, q, nu)),
-        "shape_mass": _form(velocity, space, -ng.InnerProduct(ng.Grad(base_u) * eta, v)),
+        "stiffness": _form(space, space, stress_power(u, p, v, q, nu) + ng.InnerProduct(convection, v), bonus=order),
+        "mass": _form(space, space, ng.InnerProduct(u, v), bonus=0),
+        "shape_stiffness": _form(velocity, space, _shape_derivative(base_u, base_p, eta, v, q, nu), bonus=2 * order),
+        "shape_mass": _form(velocity, space, -ng.InnerProduct(ng.Grad(base_u) * eta, v), bonus=order),
     }
     return LinearisedFlow(velocity=velocity, free=free_unknowns(space), **forms)
 
@@ -89,11 +89,12 @@ def _shape_derivative(u: Any, p: Any, eta: Any, v: Any, q: Any, nu: float) -> An
     return ng.div(eta) * steady + ng.InnerProduct(turned(u) * u, v) + 2.0 * nu * viscous - pressure
 
 
-def _form(trial: ngsolve.FESpace, test: ngsolve.FESpace, integrand: Any) -> sp.csr_matrix:
+def _form(trial: ngsolve.FESpace, test: ngsolve.FESpace, integrand: Any, *, bonus: int) -> sp.csr_matrix:
+    """Assemble, with a quadrature exact for the base flow's polynomials too (the default is for two factors)."""
     import ngsolve as ng
 
     form = ng.BilinearForm(test) if trial is test else ng.BilinearForm(trialspace=trial, testspace=test)
-    form += integrand.Compile() * ng.dx
+    form += integrand.Compile() * ng.dx(bonus_intorder=bonus)
     with ng.TaskManager():
         form.Assemble()
     return to_csr(form.mat)
