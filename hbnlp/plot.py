@@ -74,8 +74,13 @@ def plot_branch(
     level = _level(branch, output, harmonic, per, decibels)
     color = ax.plot([], [], color=color, label=label or "_branch")[0].get_color()
     stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
-    for part, steady in _segments(stable):
-        ax.plot(branch.parameter[part], level[part], color=color, **(STABLE if steady else UNSTABLE))
+    # the line goes through the located special points, which lie beyond their neighbours at a fold
+    located = [p for p in branch.special_points if p.refined]
+    after = [p.index + 1 for p in located]
+    x = np.insert(branch.parameter, after, [p.value for p in located])
+    y = np.insert(level, after, [_level(p.solution, output, harmonic, per, decibels) for p in located])
+    for part, steady in _segments(np.insert(stable, after, stable[after])):
+        ax.plot(x[part], y[part], color=color, **(STABLE if steady else UNSTABLE))
     if not stable.all():
         _explain(ax, "stable", color="0.3", **STABLE)
         _explain(ax, "unstable", color="0.3", **UNSTABLE)
