@@ -55,7 +55,10 @@ class HarmonicBalance:
     """
 
     def __init__(self, system: System, n_harmonics: int, *, periods: int = 1, n_samples: int | None = None) -> None:
-        for name, value in (("n_harmonics", n_harmonics), ("periods", periods)):
+        if not isinstance(system, System):
+            raise TypeError(f"system is {system!r}; an hbnlp.System is needed")
+        given = {"n_harmonics": n_harmonics, "periods": periods, "n_samples": 1 if n_samples is None else n_samples}
+        for name, value in given.items():
             if not isinstance(value, int | np.integer) or value < 1:
                 raise ValueError(f"{name} = {value!r}; a whole number of at least 1 is needed")
         self.system = system

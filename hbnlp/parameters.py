@@ -21,9 +21,15 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
 class Namespace(Mapping[str, Any]):
     """Read-only names, as attributes or items: ``p.omega`` is ``p["omega"]``."""
 
+    _kind: str
+    _entries: dict[str, Any]
+
     def __init__(self, kind: str, entries: Mapping[str, Any]) -> None:
-        self._kind = kind
-        self._entries = dict(entries)
+        object.__setattr__(self, "_kind", kind)
+        object.__setattr__(self, "_entries", dict(entries))
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{self._kind} {name!r} cannot be set to {value!r} here; values are given with at={{...}}")
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -58,7 +64,7 @@ class ParameterSet:
         for name, value in entries.items():
             if not name.isidentifier():
                 raise ValueError(f"parameter name {name!r} is not a Python identifier; rename it")
-            if np.ndim(value) != 0 or np.isinf(float(value)):
+            if not _is_number(value) or np.isinf(float(value)):
                 raise ValueError(f"parameter {name!r} has the value {value!r}; a finite number is needed")
         self.names: tuple[str, ...] = tuple(entries)
         self.defaults = {name: float(value) for name, value in entries.items()}
@@ -78,7 +84,7 @@ class ParameterSet:
         merged = dict(self.defaults)
         for name, value in (at or {}).items():
             self.index(name)
-            if np.ndim(value) != 0 or not np.isfinite(float(value)):
+            if not _is_number(value) or not np.isfinite(float(value)):
                 raise ValueError(f"parameter {name!r} was given as {value!r}; a finite number is needed")
             merged[name] = float(value)
         free = set(but)
@@ -94,3 +100,11 @@ class ParameterSet:
     def as_dict(self, values: Iterable[float]) -> dict[str, float]:
         """Return the values as a dictionary by name."""
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}
+
+
+def _is_number(value: Any) -> bool:
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        return False
+    return np.ndim(value) == 0

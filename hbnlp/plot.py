@@ -5,7 +5,8 @@ Stable is solid and thick, unstable dashed and thin; each kind of special point 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -21,8 +22,8 @@ from hbnlp.fourier import Array
 from hbnlp.sweep import Sweep
 from hbnlp.timesweep import TimeSweep
 
-STABLE = {"linestyle": "-", "linewidth": 2.2}
-UNSTABLE = {"linestyle": (0, (4, 2)), "linewidth": 1.0}
+STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
+UNSTABLE: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0}
 MARKERS = {
     Kind.FOLD: ("o", "tab:red"),
     Kind.BRANCH_POINT: ("s", "tab:purple"),
@@ -45,7 +46,7 @@ def plot_branch(
     harmonic: int = 1,
     per: str | None = None,
     decibels: bool = False,
-    special: bool = True,
+    special: bool | Collection[Kind] = True,
     label: str | None = None,
     color: Any = None,
 ) -> Axes:
@@ -63,8 +64,8 @@ def plot_branch(
         Another output by whose first harmonic the amplitude is divided: ``"alpha_acceleration"`` for a wing's C_L.
     decibels : bool
         Draw 20 log10 of the amplitude.
-    special : bool
-        Whether to mark special points.
+    special : bool or collection of Kind
+        Whether to mark special points, or which kinds of them.
     label, color
         Of the branch.
 
@@ -76,17 +77,23 @@ def plot_branch(
     level = _level(branch, output, harmonic, per, decibels)
     color = ax.plot([], [], color=color, label=label or "_branch")[0].get_color()
     stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
-    for part, steady in _segments(stable):
-        ax.plot(branch.parameter[part], level[part], color=color, **(STABLE if steady else UNSTABLE))
+    # the line goes through the located special points, which lie beyond their neighbours at a fold
+    located = [p for p in branch.special_points if p.refined]
+    after = [p.index + 1 for p in located]
+    along = np.insert(branch.parameter, after, [p.value for p in located])
+    level = np.insert(level, after, [_level(p.solution, output, harmonic, per, decibels) for p in located])
+    for part, steady in _segments(np.insert(stable, after, stable[after])):
+        ax.plot(along[part], level[part], color=color, **(STABLE if steady else UNSTABLE))
     if not stable.all():
         _explain(ax, "stable", color="0.3", **STABLE)
         _explain(ax, "unstable", color="0.3", **UNSTABLE)
-    for kind, (marker, paint) in MARKERS.items() if special else ():
+    wanted = (Kind if special else ()) if isinstance(special, bool) else special
+    for kind, (marker, paint) in MARKERS.items():
         points = branch.of_kind(kind)
-        if points:
+        if points and kind in wanted:
             x = [p.value for p in points]
             y = [float(_level(p.solution, output, harmonic, per, decibels)) for p in points]
-            style = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
+            style: dict[str, Any] = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
             ax.plot(x, y, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
             _explain(ax, kind.value, **style)
     _finish(ax, branch.name, output, harmonic, per, decibels)
@@ -110,7 +117,7 @@ def plot_sweep(
     jumps = sorted(int(jump) for jump in sweep.jumps)
     edges = [0, *jumps, len(sweep)]
     style = {"marker": ".", "markersize": 3.0, "linewidth": 1.0, **options}
-    for k, (begin, end) in enumerate(zip(edges, edges[1:], strict=False)):
+    for k, (begin, end) in enumerate(itertools.pairwise(edges)):
         line = ax.plot(sweep.parameter[begin:end], level[begin:end], label=label if k == 0 else None, **style)[0]
         style["color"] = line.get_color()
     for jump in jumps:
@@ -155,7 +162,7 @@ def _level(source: Any, output: str, harmonic: int, per: str | None, decibels: b
 def _segments(flags: Any) -> Iterator[tuple[slice, bool]]:
     """Yield runs of equal flags; each run takes the first point of the next, so that the curve has no gap."""
     edges = [0, *(1 + np.flatnonzero(np.diff(flags.astype(int)))), len(flags)]
-    for begin, end in zip(edges, edges[1:], strict=False):
+    for begin, end in itertools.pairwise(edges):
         yield slice(int(begin), min(int(end) + 1, len(flags))), bool(flags[begin])
 
 

@@ -120,8 +120,10 @@ class System:
             self.force = _column("nonlinear_force", value, n)
         self.forcing = _column("forcing", forcing(self.tau, self._named), n) if forcing else ca.SX.zeros(n)
         self._check_symbols()
+        self._check_periodicity()
         self._outputs = dict(outputs) if outputs is not None else _displacements(n)
         self.output_names: tuple[str, ...] = tuple(self._outputs)
+        _ = self.outputs  # what is wrong with them is said here
 
     # -- sizes ------------------------------------------------------------------------------------------------------
 
@@ -183,8 +185,11 @@ class System:
         du, ddu = self.motion_derivatives
         signals = {"q": self.q, "v": self.v, "a": a, "x": x, "u": self.motion, "du": du, "ddu": ddu}
         seen = Namespace("signal", {**signals, "tau": self.tau, "p": self._named})
-        rows = [_column(f"output {name!r}", rule(seen), 1) for name, rule in self._outputs.items()]
         arguments = [self.q, self.v, a, x, self.tau, self.p]
+        rows = []
+        for name, rule in self._outputs.items():
+            rows.append(_column(f"output {name!r}", rule(seen), 1))
+            _check_symbols(f"output {name!r}", rows[-1], arguments)
         return ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)])
 
     def output_index(self, name: str) -> int:
@@ -240,22 +245,35 @@ class System:
                 raise ValueError(f"{what} has shape {array.shape}; a matrix is needed")
             matrix = ca.SX(*array.shape)
             for i, j in np.ndindex(array.shape):
-                matrix[i, j] = array[i, j]
+                matrix[i, j] = _expression(what, array[i, j])
         if shape is None:
             shape = (matrix.shape[0], matrix.shape[0])
         if matrix.shape != shape:
             raise ValueError(f"{what} has shape {matrix.shape}; {shape} is needed")
-        if matrix.is_constant() and not np.all(np.isfinite(np.array(ca.DM(matrix)))):
-            raise ValueError(f"{what} has entries that are not finite")
-        return matrix
+        _check_symbols(what, matrix, [self.p])
+        return _with_finite_numbers(what, matrix)
 
     def _check_symbols(self) -> None:
-        known = ca.vertcat(self.q, self.v, self.tau, self.p)
-        names = {str(known[i]) for i in range(known.shape[0])}
+        _check_symbols("nonlinear_force", self.force, [self.q, self.v, self.tau, self.p])
+        _check_symbols("forcing", self.forcing, [self.tau, self.p])
+        _check_symbols("motion", self.motion, [self.tau, self.p])
+
+    def _check_periodicity(self) -> None:
+        rng = np.random.default_rng(7)
+        defaults = np.array(list(self.parameters.defaults.values()))
+        values = np.where(np.isfinite(defaults) & (defaults != 0.0), defaults, 1.0)
         for what, expression in (("nonlinear_force", self.force), ("forcing", self.forcing), ("motion", self.motion)):
-            strange = [str(s) for s in ca.symvar(expression) if str(s) not in names]
-            if strange:
-                raise ValueError(f"{what} uses {strange[0]!r}, which is neither its argument nor a parameter")
+            if not ca.depends_on(expression, self.tau):
+                continue
+            function = ca.Function("signal", [self.tau, self.q, self.v, self.p], [ca.densify(expression)])
+            state = rng.uniform(-1.0, 1.0, (2, self.n_dof))
+            for tau in rng.uniform(0.0, 2.0 * np.pi, 4):
+                now, later = (np.array(function(tau + lapse, *state, values)) for lapse in (0.0, 2.0 * np.pi))
+                if np.max(np.abs(later - now)) > 1e-6 * np.max(np.abs(now)):
+                    raise ValueError(
+                        f"{what} is not 2 pi-periodic in tau = omega t (at tau = {tau:.3g} it is {now.ravel()}, a "
+                        f"period later {later.ravel()}); write it with sines and cosines of whole multiples of tau"
+                    )
 
     def __repr__(self) -> str:
         values = self.parameters.defaults.items()
@@ -283,10 +301,31 @@ def _column(what: str, value: Any, size: int | None = None) -> ca.SX:
     else:
         column = ca.SX(0, 1)
         for entry in np.atleast_1d(np.array(value, dtype=object)).ravel():
-            column = ca.vertcat(column, entry)
+            column = ca.vertcat(column, _expression(what, entry))
     if column.shape[1] != 1 or (size is not None and column.shape[0] != size):
         raise ValueError(f"{what} returned shape {column.shape}; {size} expressions are needed, one a degree of freedom")
-    return ca.densify(column)
+    return _with_finite_numbers(what, ca.densify(column))
+
+
+def _expression(what: str, entry: Any) -> ca.SX:
+    try:
+        return ca.SX(entry)
+    except NotImplementedError:
+        raise ValueError(
+            f"{what} has the entry {entry!r}; a number or an expression of the symbols given to it is needed"
+        ) from None
+
+
+def _check_symbols(what: str, expression: ca.SX, arguments: list[ca.SX]) -> None:
+    strange = ca.Function("check", arguments, [expression], {"allow_free": True}).get_free()
+    if strange:
+        raise ValueError(f"{what} uses {strange[0]!r}, which is neither its argument nor a parameter")
+
+
+def _with_finite_numbers(what: str, expression: ca.SX) -> ca.SX:
+    if not all(np.isfinite(float(entry)) for entry in expression.nonzeros() if entry.is_constant()):
+        raise ValueError(f"{what} has entries that are not finite")
+    return expression
 
 
 def _numbers(what: str, given: ArrayLike | None, shape: tuple[int, int] | None) -> Array:
