@@ -86,9 +86,7 @@ def without_static_heave(computed: FrequencyResponse) -> tuple[FrequencyResponse
     return replace(computed, static=static), {1: damping}
 
 
-def full_fit(
-    response: FrequencyResponse, damping: dict[int, np.ndarray], n_poles: int
-) -> tuple[PoleFit, float]:
+def full_fit(response: FrequencyResponse, damping: dict[int, np.ndarray], n_poles: int) -> tuple[PoleFit, float]:
     """Return the fit with the number of poles asked for, or with the least number that reaches half a percent."""
     inside = response.band(*BAND)
     for n in [n_poles] if n_poles else range(8, 33, 2):
