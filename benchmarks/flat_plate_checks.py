@@ -1,4 +1,4 @@
-"""Check the shipped flat-plate response and ROM against theory, and the wing for stability; print a table, draw a picture.
+"""Check the shipped flat-plate response and ROM against theory, and the wing for stability; print and draw.
 
 python benchmarks/flat_plate_checks.py
 """

@@ -35,8 +35,8 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, default=Path("docs/_static/linear_flow"))
     options = parser.parse_args()
     computed = FrequencyResponse.load(options.response)
-    computed.save(DATA / "flat_plate_re100_response.npz")
     response, damping = without_static_heave(computed)
+    response.save(DATA / "flat_plate_re100_response.npz")
     fit, error = full_fit(response, damping, options.poles)
     inside = response.band(*BAND)
     errors = [
@@ -78,12 +78,19 @@ def main() -> None:
 
 
 def without_static_heave(computed: FrequencyResponse) -> tuple[FrequencyResponse, dict[int, np.ndarray]]:
-    """Return the response with an exactly null static heave, and the damping of heave that theory gives."""
-    static = computed.static.copy()
+    """Return the response less its static heave, and the damping of heave that theory gives.
+
+    Static heave is null; where the discretisation leaves a load it is the same at all low frequencies, and is taken off
+    there too.
+    """
+    rest = computed.static[:, 1].copy()
+    static, values = computed.static.copy(), computed.values.copy()
     static[:, 1] = 0.0
+    values[:, :, 1] -= rest
     damping = -static[:, 0]
     damping[0] -= computed.provenance["drag"]
-    return replace(computed, static=static), {1: damping}
+    about = dict(computed.provenance) | {"static_heave_taken_off": float(np.abs(rest).max())}
+    return replace(computed, static=static, values=values, provenance=about), {1: damping}
 
 
 def full_fit(response: FrequencyResponse, damping: dict[int, np.ndarray], n_poles: int) -> tuple[PoleFit, float]:

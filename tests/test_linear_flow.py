@@ -62,7 +62,8 @@ def test_drag_is_near_the_triple_deck(half):
 
 def test_static_heave_gives_no_load(half):
     static = half.transfer(0.0)
-    assert np.abs(static[:, 1]).max() < 0.03 * np.abs(static[:, 0]).max()
+    # the whole mesh moves: exact but for rounding
+    assert np.abs(static[:, 1]).max() < 1e-10 * np.abs(static[:, 0]).max()
 
 
 def test_static_response_is_real(half):

@@ -37,7 +37,8 @@ def plate_motions(flow: BaseFlow, space: ngsolve.FESpace, n_modes: int) -> Motio
 
     Pitch displaces by -x and W_k by sin(k pi x) along the normal; heave is normal to the stream. Any continuation into
     the fluid gives the same loads up to the discretisation; this one falls to zero over a distance that shrinks with
-    the wavelength of the mode, faster than any power.
+    the wavelength of the mode, faster than any power. In heave the whole mesh moves, so that static heave gives no load
+    by construction.
 
     Parameters
     ----------
@@ -49,7 +50,6 @@ def plate_motions(flow: BaseFlow, space: ngsolve.FESpace, n_modes: int) -> Motio
     """
     import ngsolve as ng
 
-    ahead = ng.IfPos(-ng.x, -ng.x, ng.IfPos(ng.x - 1.0, ng.x - 1.0, 0.0))
     on_plate = np.unique(
         [dof for element in space.Elements(ng.BND) if element.mat in flow.plate.split("|") for dof in element.dofs]
     )
@@ -57,8 +57,8 @@ def plate_motions(flow: BaseFlow, space: ngsolve.FESpace, n_modes: int) -> Motio
     traces = np.zeros_like(fields)
     function = ng.GridFunction(space)
     for column, displacement in enumerate(_displacements(flow.incidence, n_modes)):
-        reach = 1.5 if column < 2 else min(1.5, 3.0 / ((column - 1) * np.pi))
-        taper = ng.exp(-((ahead / reach) ** 4) - (ng.y / reach) ** 4)
+        reach = 1.5 if column == 0 else min(1.5, 3.0 / (max(1, column - 1) * np.pi))
+        taper = ng.CF(1.0) if column == 1 else _taper(reach)
         with ng.TaskManager():
             function.Set(displacement * taper)
         fields[:, column] = function.vec.FV().NumPy()
@@ -81,6 +81,13 @@ def trace(function: ngsolve.GridFunction, value: Any, plate: str) -> Array:
     function.vec[:] = 0.0
     function.Set(value, definedon=function.space.mesh.Boundaries(plate))
     return np.array(function.vec.FV().NumPy())
+
+
+def _taper(reach: float) -> Any:
+    import ngsolve as ng
+
+    beside = ng.IfPos(-ng.x, -ng.x, ng.IfPos(ng.x - 1.0, ng.x - 1.0, 0.0))
+    return ng.exp(-((beside / reach) ** 4) - (ng.y / reach) ** 4)
 
 
 def _displacements(incidence: float, n_modes: int) -> list[Any]:
