@@ -26,7 +26,7 @@ class MeshSettings:
         Element size on the plate.
     wake : float
         Element size on the wake line, relative to the root of the distance from the trailing edge (the wake widens
-        with that root), up to thirty chords; growing with the distance beyond.
+        with that root); twice as much beyond a hundred chords. A coarse far wake reflects waves of low frequency.
     edge : float
         Size of the elements at the leading and the trailing edge, where the pressure goes as the inverse root of the
         distance.
@@ -39,7 +39,7 @@ class MeshSettings:
         If a length is not positive, or they are not in the order ``edge < plate < domain``.
     """
 
-    domain: float = 1000.0
+    domain: float = 600.0
     plate: float = 0.03
     wake: float = 0.25
     edge: float = 1e-6
@@ -147,7 +147,8 @@ def _wake_sizes(settings: MeshSettings) -> Iterator[tuple[float, float]]:
     x = 1.0
     while x < 2.0 * settings.domain:
         behind = x - 1.0
-        h = settings.plate + min(0.2 * behind, settings.wake * max(np.sqrt(behind), 0.18 * behind))
+        root = np.sqrt(behind)
+        h = settings.plate + min(0.2 * behind, settings.wake * max(root, min(0.18 * behind, 2.0 * root)))
         yield x, h
         x += h / 2.0
 
