@@ -12,7 +12,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from hbnlp.branch import Branch, Kind
 from hbnlp.foldcurves import FoldBranch, FoldEvent
@@ -176,7 +176,7 @@ def _finish(ax: Axes, parameter: str, output: str, harmonic: int, per: str | Non
     notes = [*([f"harmonic {harmonic}"] if harmonic else []), *(["dB"] if decibels else [])]
     ax.set_ylabel(f"{what} ({', '.join(notes)})" if notes else what)
     if ax.get_xscale() == "log":
-        ax.xaxis.set_major_formatter(ScalarFormatter())
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
     if ax.get_legend_handles_labels()[1]:
         ax.legend(frameon=False)
