@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from hbnlp.aero.identification import Identification
 from hbnlp.branch import Branch, Kind
@@ -178,7 +179,7 @@ def _finish(ax: Axes, parameter: str, output: str, harmonic: int, per: str | Non
     notes = [*([f"harmonic {harmonic}"] if harmonic else []), *(["dB"] if decibels else [])]
     ax.set_ylabel(f"{what} ({', '.join(notes)})" if notes else what)
     if ax.get_xscale() == "log":
-        ax.xaxis.set_major_formatter(ScalarFormatter())
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
     if ax.get_legend_handles_labels()[1]:
         ax.legend(frameon=False)

@@ -84,7 +84,7 @@ class Solution:
     def velocity(self, t: ArrayLike) -> Array:
         """Return q' at times t: array (n_dof, len(t))."""
         rate = self.omega / self.periods
-        return rate * self.coefficients @ np.atleast_2d(basis_derivatives(rate * np.asarray(t), self.n_harmonics)).T
+        return rate * self.coefficients @ basis_derivatives(rate * np.asarray(t, dtype=float), self.n_harmonics).T
 
     def __call__(self, expression: ca.MX) -> Array:
         """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``.

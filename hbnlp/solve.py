@@ -50,6 +50,7 @@ class Ipopt:
         """Return the options of CasADi's ``nlpsol``."""
         return {
             "print_time": False,
+            "show_eval_warnings": False,
             "error_on_fail": False,
             "ipopt": {
                 "tol": self.tol,
@@ -85,6 +86,10 @@ class Rootfinder:
         known = ("newton", "fast_newton", "kinsol")
         if self.plugin not in known:
             raise ValueError(f"plugin = {self.plugin!r}; one of {', '.join(known)} is needed")
+        if not 0.0 < self.tol < 1e-2:
+            raise ValueError(f"tol = {self.tol!r}; a tolerance between 0 and 0.01 is needed")
+        if self.max_iterations < 1:
+            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
 
 
 Method = Newton | Ipopt | Rootfinder
@@ -123,13 +128,17 @@ def solve(
     KeyError, ValueError
         For a parameter that is not known, or has no value.
     NonFiniteError
-        If the force or its derivative is not finite at the guess.
+        If there is no guess, and the force or its derivative is not finite at rest.
     """
     values = problem.values(at)
-    method = method or Newton()
+    method = Newton() if method is None else method
+    if not isinstance(method, Newton | Ipopt | Rootfinder):
+        raise TypeError(f"method is {method!r}; Newton(), Ipopt() or Rootfinder() is needed")
     if guess is not None:
-        start = guess.coefficients if isinstance(guess, Solution) else guess
-        solution = attempt(problem, values, problem.vector(np.asarray(start)), method, start="guess")
+        start = problem.vector(guess.coefficients if isinstance(guess, Solution) else guess)
+        if not np.all(np.isfinite(start)):
+            raise ValueError("the guess has entries that are not finite; give finite coefficients")
+        solution = attempt(problem, values, start, method, start="guess")
     else:
         solution = _cold(problem, values, method)
     if solution.converged or not throw:
@@ -147,7 +156,8 @@ def linear_guess(problem: HarmonicBalance, values: Array) -> Array:
         If the force or its derivative at rest is not finite.
     """
     rest = np.zeros(problem.size)
-    residual, jacobian = problem.assembly.residual(rest, values), problem.assembly.jacobian(rest, values)
+    with np.errstate(all="ignore"):
+        residual, jacobian = problem.assembly.residual(rest, values), problem.assembly.jacobian(rest, values)
     for what, array in (("value", residual), ("derivative", jacobian)):
         if not np.all(np.isfinite(array)):
             raise NonFiniteError(
@@ -161,7 +171,10 @@ def _cold(problem: HarmonicBalance, values: Array, method: Method) -> Solution:
     try:
         linear = linear_guess(problem, values)
     except NonFiniteError:
-        linear = np.full(problem.size, 1e-3)
+        solution = attempt(problem, values, np.full(problem.size, 1e-3), method, start="near rest")
+        if not solution.converged:
+            raise
+        return solution
     solution = attempt(problem, values, linear, method, start="linear response")
     if solution.converged or not isinstance(method, Newton):
         return solution
@@ -230,7 +243,8 @@ def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Metho
     if isinstance(method, Newton):
         row = np.zeros(problem.size + 1)
         row[-1] = 1.0
-        found = correct(LoadCurve(problem, values), np.append(guess, 1.0), row, method)
+        with np.errstate(all="ignore"):  # what is not finite ends the iteration
+            found = correct(LoadCurve(problem, values), np.append(guess, 1.0), row, method)
         return dataclasses.replace(found, y=found.y[:-1])
     solver = _compiled(problem, method)
     if isinstance(method, Ipopt):
@@ -239,23 +253,28 @@ def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Metho
     else:
         x = np.array(solver(guess, values)).ravel()
     statistics = solver.stats()
-    size = max(problem.assembly.term_size(x, values), np.finfo(float).tiny)
-    residual = float(np.max(np.abs(problem.assembly.residual(x, values)))) / size
+    with np.errstate(all="ignore"):
+        size = max(problem.assembly.term_size(x, values), np.finfo(float).tiny)
+        residual = float(np.max(np.abs(problem.assembly.residual(x, values)))) / size
+    converged = bool(statistics["success"]) and residual < 1e-6
+    reason = f"the residual is {residual:.1e} of its terms"
+    if not statistics["success"]:
+        reason = str(statistics.get("return_status", "the rootfinder failed"))
     return Correction(
         y=x,
-        converged=bool(statistics["success"]) and residual < 1e-6,
+        converged=converged,
         iterations=int(statistics.get("iter_count", 0)),
         factorisations=int(statistics.get("iter_count", 0)),
         error=np.nan,
         residual=residual,
-        reason="" if statistics["success"] else str(statistics.get("return_status", "the rootfinder failed")),
+        reason="" if converged else reason,
     )
 
 
 def _compiled(problem: HarmonicBalance, method: Ipopt | Rootfinder) -> ca.Function:
     if isinstance(method, Ipopt):
         return ca.nlpsol("solver", "ipopt", problem.nlp, method.options())
-    options = {"error_on_fail": False, "abstol": method.tol}
+    options = {"error_on_fail": False, "show_eval_warnings": False, "abstol": method.tol}
     if method.plugin != "fast_newton":
         options |= {"linear_solver": "lapacklu", "max_iter": method.max_iterations}
     return ca.rootfinder("solver", method.plugin, problem.residual, options)

@@ -1,0 +1,58 @@
+r"""
+Linear lift response of membrane wings, and their limits
+========================================================
+
+For small motions a membrane wing is a linear system: sine modes of constant tension :math:`c_{T}`, coupled with the
+transfer function :math:`G(s)` of the thin aerofoil,
+
+.. math:: (2 \mu s^2 + k^2 \pi^2 c_T) W_k = \Delta C_{p,k} + C_{f,k}, \qquad [C_L, \Delta C_p] = G(s)\, [\alpha, z, W] .
+
+*Left:* lift per pitching acceleration, beside the rigid wing. Well below the first resonance the membrane bulges and
+adds lift, the more the slacker it is; each resonance adds a peak, and the inertia of the pitching frame the dips in
+between. Above them the membrane stays behind while the wing moves through it, and lift falls below the rigid wing's.
+
+*Right:* where the wing is stable about rest. Below :math:`c_T = 1.726` the stiffness of the air exceeds that of the
+membrane, whatever its mass: an eigenvalue is real and positive, and the wing diverges until its camber has raised the
+tension. (Infinitely many modes have their limit at 1.727, that of the classical sail equation [1]_.) A membrane more
+than some 17 times as heavy as the air of its chord flutters first: its lowest mode takes energy from the stream.
+
+.. [1] B. Thwaites, Proc. R. Soc. Lond. A 261 (1961) 402-422, doi:10.1098/rspa.1961.0086.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib import pyplot as plt
+
+import hbnlp
+
+membrane = hbnlp.LinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.008, n_modes=10)
+wing = hbnlp.membrane_wing(membrane, hbnlp.aero.thin_airfoil(n_modes=10))
+response = hbnlp.lift_response(wing, np.geomspace(0.1, 30.0, 300), tensions=[2.0, 4.0, 8.0, 16.0])
+print(response)
+
+# %%
+# The limits of stability in the prestrain, for a range of mass ratios, as tensions c_T = 2 Eh delta0.
+mass_ratios = np.geomspace(4.0, 100.0, 30)
+limits = [hbnlp.stability_limits(wing, "prestrain", (0.003, 0.04), at={"mass_ratio": mu}) for mu in mass_ratios]
+last = {
+    kind: [max((2.0 * 250.0 * x.value for x in found if x.kind == kind), default=np.nan) for found in limits]
+    for kind in ("divergence", "flutter")
+}
+print(f"divergence below c_T = {last['divergence'][0]:.6f}, flutter at mu = 100 below c_T = {last['flutter'][-1]:.4f}")
+assert np.allclose(last["divergence"], 1.726336, atol=1e-6)
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), width_ratios=(3, 2), layout="constrained")
+for tension, gain in zip(response.tensions, response.membrane, strict=True):
+    left.semilogx(response.omega, 20.0 * np.log10(abs(gain)), linewidth=1.4, label=f"$c_T = {tension:g}$")
+left.semilogx(response.omega, 20.0 * np.log10(abs(response.rigid)), "k:", label="rigid wing")
+left.set(xlabel=r"$\omega$", ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)", ylim=(-50, 65), title="linear lift response")
+left.legend(frameon=False)
+right.loglog(mass_ratios, last["divergence"], label="divergence below")
+right.loglog(mass_ratios, last["flutter"], label="flutter below")
+right.fill_between(mass_ratios, np.fmax(last["divergence"], last["flutter"]), 20.0, color="0.93")
+right.text(6.0, 6.0, "stable")
+right.set(xlabel=r"mass ratio $\mu$", ylabel="$c_T$", title="stability about rest", ylim=(1.0, 20.0), xlim=(4.0, 100.0))
+right.legend(frameon=False, loc="upper left")
+Path("figures").mkdir(exist_ok=True)
+figure.savefig("figures/linear_lift_response.png", dpi=110)

@@ -1,0 +1,76 @@
+r"""
+My own equations: period doubling of a pumped oscillator
+========================================================
+
+Any forced oscillator is a few lines. Here the spring of a Duffing oscillator is pumped at the frequency of its force,
+
+.. math:: x'' + 2 \zeta x' + (1 + \epsilon \cos \omega t)\, x + \gamma x^3 = F \cos \omega t .
+
+Besides the resonance near :math:`\omega = 1` there is a *parametric* one: near :math:`\omega = 2`, twice the natural
+frequency, the response of the period of the force is unstable to a growing oscillation of *twice* that period. For
+small motions (:math:`\gamma = F = 0`) this happens within
+
+.. math:: (1 - \omega^2 / 4)^2 + (\zeta \omega)^2 < (\epsilon / 2)^2
+
+(the first tongue of the damped Mathieu equation [1]_). At each end of the unstable interval a Floquet multiplier is
+-1: a period doubling. There a branch of subharmonic solutions begins, whose first harmonic is that of
+:math:`\omega/2`. It leaves the first doubling stably, bends over as a hardening resonance does, and comes back,
+unstable, to the second.
+
+.. [1] A. H. Nayfeh, D. T. Mook, *Nonlinear Oscillations*, Wiley (1979), doi:10.1002/9783527617586, section 5.3.
+"""
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+import hbnlp
+
+system = hbnlp.System(
+    mass=[[1.0]],
+    damping=lambda p: [[2.0 * p.damping_ratio]],
+    stiffness=[[1.0]],
+    nonlinear_force=lambda q, v, tau, p: [p.pump * ca.cos(tau) * q[0] + p.cubic * q[0] ** 3],
+    forcing=lambda tau, p: [p.force * ca.cos(tau)],
+    parameters={"damping_ratio": 0.06, "pump": 0.4, "cubic": 1.0, "force": 0.3},
+    name="pumped Duffing oscillator",
+)
+problem = hbnlp.HarmonicBalance(system, n_harmonics=5)
+branch = hbnlp.trace(problem, "omega", (0.6, 4.0))
+print(branch)
+
+# %%
+# From the first period doubling onto the branch of twice the period, where the harmonics are those of omega / 2. After
+# its second fold it would come back as its own mirror image, shifted by one period of the force: stop there.
+first, second = branch.of_kind(hbnlp.Kind.PERIOD_DOUBLING)
+start = hbnlp.switch_branch(problem, first, "omega")[0]
+tracer = hbnlp.Tracer(
+    start.problem, "omega", (0.6, 4.0), start=start, away_from=first.solution, stability=hbnlp.Floquet()
+)
+for _point in tracer:
+    if tracer.n_folds == 2:
+        break
+doubled = tracer.branch()
+print(doubled)
+
+# %%
+# Two ways to the same point: a Floquet multiplier of -1 here, and there the frequency at which the new branch ends.
+print(f"period doubling at omega = {second.value:.8f}, multiplier {second.multiplier.real:.8f}")
+assert abs(second.value - 2.15617499) < 1e-8
+assert abs(second.value - doubled.folds[-1].value) < 1e-7
+
+# %%
+# And a check of the branch: direct integration from some of its states, over two periods of the force.
+stable = [doubled.solution(i) for i in np.flatnonzero(doubled.stable)]
+some = [min(stable, key=lambda s: abs(s.omega - omega)) for omega in (1.95, 2.2, 2.6, 3.0, 3.4)]
+integrated = [hbnlp.integrate(system, at={"omega": s.omega}, initial=s, periods=2).harmonics("x")[1] for s in some]
+assert np.allclose(np.abs(integrated), [abs(s.harmonics("x")[1]) for s in some], rtol=1e-5)
+
+ax = branch.plot("x", label="period of the force")
+doubled.plot("x", ax=ax, label=r"twice the period: $\omega/2$", special={hbnlp.Kind.FOLD})
+ax.plot([s.omega for s in some], np.abs(integrated), "kx", label="direct integration")
+ax.set(ylabel="amplitude of x", xlim=(0.6, 4.4))
+ax.legend(frameon=False, loc=(0.62, 0.12))
+Path("figures").mkdir(exist_ok=True)
+ax.figure.savefig("figures/own_equations.png", dpi=110)
