@@ -13,7 +13,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, ScalarFormatter
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from hbnlp.aero.identification import Identification
