@@ -113,7 +113,7 @@ def identify(
     Raises
     ------
     ValueError
-        If the band holds no data, or a reduction to ``n_lags`` is not stable.
+        If the band holds no data, or ``n_lags`` is more than the fit has.
     """
     real_number("tolerance", tolerance, above=0.0)
     band = (float(response.omega[0]), float(response.omega[-1])) if band is None else band
