@@ -94,13 +94,13 @@ def without_static_heave(computed: FrequencyResponse) -> tuple[FrequencyResponse
 
 
 def full_fit(response: FrequencyResponse, damping: dict[int, np.ndarray], n_poles: int) -> tuple[PoleFit, float]:
-    """Return the fit with the number of poles asked for, or with the least number that reaches half a percent."""
+    """Return the fit with the number of poles asked for, or with the least number that reaches a tenth of a percent."""
     inside = response.band(*BAND)
     for n in [n_poles] if n_poles else range(8, 33, 2):
         fit = vector_fit(response, n_poles=n, damping=damping, least_damping=0.7)
         error = float(inside.column_errors(fit.transfer(1j * inside.omega)).max())
         print(f"{n} poles: {error:.2e}", flush=True)
-        if error < 4e-3:
+        if error < 1e-3:
             break
     return fit, error
 
