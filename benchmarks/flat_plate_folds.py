@@ -1,7 +1,4 @@
-"""Folds of the paper's wing with all poles of the shipped ROM and with the reduced one.
-
-    python benchmarks/flat_plate_folds.py
-"""
+"""Folds of the paper's wing with all poles of the shipped ROM and with the reduced one."""
 
 from __future__ import annotations
 
