@@ -55,7 +55,9 @@ class Tracer:
         self.end: End | None = None
         self._records: list[Traced] = []
         self._resumed = resume
-        self._evaluator = stability and FloquetEvaluator(problem.system, problem.periods, problem.n_harmonics, stability)
+        self._evaluator: FloquetEvaluator | None = None
+        if stability is not None:
+            self._evaluator = FloquetEvaluator(problem.system, problem.periods, problem.n_harmonics, stability)
         self._known: list[tuple[Point, FloquetResult]] = []
         if direction not in (1, -1):
             raise ValueError(f"direction = {direction!r}; 1 (towards the end of the span) or -1 is needed")
@@ -223,7 +225,7 @@ class Tracer:
         return ParameterCurve(self.problem, self._values, self.name, 0.01 * abs(self.span[1] - self.span[0]))
 
     def _smallest_solution(self, first: Array) -> float:
-        """Return the size below which changes of the solution are not measured relative to it: traces may begin at rest."""
+        """Return the size below which changes are not measured relative to the solution: a trace may begin at rest."""
         values = self._values.copy()
         values[self.problem.system.parameters.index(self.name)] = np.mean(self.span)
         linear = linear_guess(self.problem, values)
@@ -251,7 +253,9 @@ def _checked_span(problem: HarmonicBalance, name: str, span: tuple[float, float]
     if begin == end:
         raise ValueError(f"span = {span!r} has no length; give two different values of {name}")
     if name == "omega" and min(begin, end) <= 0.0:
-        raise ValueError(f"span = {span!r} reaches omega = 0, where the period is infinite; begin above, for instance at 1e-3")
+        raise ValueError(
+            f"span = {span!r} reaches omega = 0, where the period is infinite; begin above, for instance at 1e-3"
+        )
     return begin, end
 
 
@@ -261,11 +265,14 @@ def _check_resumable(problem: HarmonicBalance, name: str, at: Mapping[str, float
     shape = branch.coefficients.shape[1:]
     if shape != problem.shape or branch.periods != problem.periods:
         raise ValueError(
-            f"the branch has coefficients of shape {shape} and {branch.periods} period(s), the problem {problem.shape} and "
+            f"the branch has coefficients of shape {shape} and {branch.periods} period(s), the problem "
+            f"{problem.shape} and "
             f"{problem.periods}: give a problem of the same system and harmonics"
         )
     if branch.parameter_names != problem.system.parameters.names:
-        raise ValueError(f"the branch has parameters {branch.parameter_names}, the system {problem.system.parameters.names}")
+        raise ValueError(
+            f"the branch has parameters {branch.parameter_names}, the system {problem.system.parameters.names}"
+        )
     for key, value in (at or {}).items():
         if key != name and branch.parameters.get(key) != value:
             raise ValueError(f"parameter {key!r} is {value!r} here but {branch.parameters.get(key)!r} on the branch")
