@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 
 import casadi as ca
@@ -51,6 +52,10 @@ class Tracer:
         self.problem = problem
         self.name = name
         self.span = _checked_span(problem, name, span)
+        if stability is not None and not isinstance(stability, Floquet):
+            raise TypeError(f"stability is {stability!r}; Floquet(...), or None for off, is needed")
+        if method is not None and not isinstance(method, PseudoArclength):
+            raise TypeError(f"method is {method!r}; PseudoArclength(...) is needed")
         self.options = method or PseudoArclength()
         self.end: End | None = None
         self._records: list[Traced] = []
@@ -77,7 +82,7 @@ class Tracer:
         self._stepper = Continuation(self._curve, point, self.options)
         self._origin = point
         if resume is not None:
-            self._resume_from(resume, point)
+            self._resume_from(resume)
         else:
             parameters = problem.system.parameters
             if not ca.depends_on(problem.system.force, problem.system.tau):
@@ -190,17 +195,19 @@ class Tracer:
         again = self._stepper.at(before, ahead)
         if again is None or np.linalg.norm((again.y - self._origin.y) / before.scale) > 1e-6:
             return None
-        return again
+        length = float(np.linalg.norm((again.y - before.y) / before.scale))
+        return dataclasses.replace(again, arclength=before.arclength + length)
 
     def _use_more_samples(self, before: Point) -> None:
         """Go back to the point before, with twice the samples of the force."""
         self.problem = self.problem.oversampled()
-        floor, step = self._curve.solution_floor, self._stepper.step
+        floor, step, refused = self._curve.solution_floor, self._stepper.step, self._stepper.refused
         self._curve = self._new_curve()
         self._curve.solution_floor = floor
-        again = finish(self._curve, before.y, before.tangent / before.scale**2, before, self.options.newton)
-        self._stepper = Continuation(self._curve, again or before, self.options)
-        self._stepper.step = step
+        again = finish(self._curve, before.y, before.tangent / before.scale**2, before, self.options.newton) or before
+        again = dataclasses.replace(again, arclength=before.arclength)
+        self._stepper = Continuation(self._curve, again, self.options)
+        self._stepper.step, self._stepper.refused = step, refused
 
     # -- the start --------------------------------------------------------------------------------------------------
 
@@ -232,10 +239,13 @@ class Tracer:
         size = max(float(np.linalg.norm(first[:-1])), float(np.linalg.norm(linear)))
         return max(1e-6 * size, float(np.finfo(float).tiny))
 
-    def _resume_from(self, resume: Branch, last: Point) -> None:
-        if last.residual > RESUMABLE_RESIDUAL:
+    def _resume_from(self, resume: Branch) -> None:
+        last = np.append(resume.coefficients[-1].ravel(), resume.parameter[-1])
+        size = max(self._curve.term_size(last), float(np.finfo(float).tiny))
+        residual = float(np.max(np.abs(self._curve.residual(last)))) / size
+        if residual > RESUMABLE_RESIDUAL:
             raise ValueError(
-                f"the last point of the branch has the residual {last.residual:.1e} in this system, more than "
+                f"the last point of the branch has the residual {residual:.1e} in this system, more than "
                 f"{RESUMABLE_RESIDUAL:.0e}: give the system that the branch was traced with"
             )
         if len(resume) > 1:
@@ -247,9 +257,13 @@ class Tracer:
 
 def _checked_span(problem: HarmonicBalance, name: str, span: tuple[float, float]) -> tuple[float, float]:
     problem.system.parameters.index(name)
-    if len(span) != 2 or not all(np.isfinite(float(end)) for end in span):
-        raise ValueError(f"span = {span!r}; two finite values of {name} are needed, where to begin and where to end")
-    begin, end = float(span[0]), float(span[1])
+    wrong = f"span = {span!r}; two finite values of {name} are needed, where to begin and where to end"
+    try:
+        begin, end = (float(value) for value in span)
+    except (TypeError, ValueError):
+        raise ValueError(wrong) from None
+    if not (np.isfinite(begin) and np.isfinite(end)):
+        raise ValueError(wrong)
     if begin == end:
         raise ValueError(f"span = {span!r} has no length; give two different values of {name}")
     if name == "omega" and min(begin, end) <= 0.0:
