@@ -174,7 +174,10 @@ class Continuation:
         guess[-1] = bound
         row = np.zeros(guess.size)
         row[-1] = 1.0 / base.scale[-1]
-        return finish(self.curve, guess, row, base, self.options.newton)
+        point = finish(self.curve, guess, row, base, self.options.newton)
+        if point is not None:
+            point.y[-1] = bound  # exactly, also where it is zero
+        return point
 
     def at(self, base: Point, step: float) -> Point | None:
         """Return the point in the plane at distance ``step`` along the tangent of ``base``, or None."""

@@ -80,7 +80,9 @@ class FoldCurve:
 
     def term_size(self, y: Array) -> float:
         """Return the size of the terms whose sum is R."""
-        return self.problem.assembly.term_size(y[: self.n], self.values(y))
+        assembly, values, x = self.problem.assembly, self.values(y), y[: self.n]
+        products = np.abs(assembly.jacobian(x, values)) @ np.abs(y[self.n : -2])
+        return max(assembly.term_size(x, values), float(products.max()))
 
 
 def fold_by_newton(

@@ -20,6 +20,8 @@ from scipy.linalg import lapack
 
 from hbnlp.fourier import Array
 
+LARGEST_RESIDUAL = 1e-6
+"""Steps may cease without a solution, far away or where the Jacobian is singular: the terms must balance to this."""
 SLOW = 0.2
 """A larger ratio of successive steps calls for a new Jacobian."""
 
@@ -160,9 +162,12 @@ def correct(
         if iteration > 1:
             error = size * rate / (1.0 - rate) if rate < 1.0 else np.inf
         if min(error, size) <= options.tol:
-            residual = float(np.max(np.abs(curve.residual(y)), initial=0.0)) / max(
-                curve.term_size(y), np.finfo(float).tiny
-            )
+            # where the terms themselves vanish, at rest, they are measured by those of the guess
+            terms = max(curve.term_size(y), curve.term_size(guess), float(np.finfo(float).tiny))
+            residual = float(np.max(np.abs(curve.residual(y)), initial=0.0)) / terms
+            if not residual <= LARGEST_RESIDUAL:
+                reason = f"the steps cease where the residual is {residual:.1e} of its terms"
+                return _failed(y, iteration, factorisations, error, reason)
             return Correction(
                 y=y,
                 converged=True,
@@ -192,7 +197,7 @@ class _Inverse:
     def __init__(self, factors: Bordered, row: Array, scale: Array, null: Array | None = None) -> None:
         self._factors = factors
         self._row = row
-        self._weights = 1.0 / scale**2
+        self._weights = 1.0 / np.maximum(scale, 1e-150) ** 2
         self._null = null / float(row @ null) if null is not None else None
         self._steps: list[Array] = []
         self._squares: list[float] = []
