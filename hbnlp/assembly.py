@@ -1,13 +1,14 @@
 """Fast numbers for the harmonic-balance residual: the equations of `balance`, assembled harmonic by harmonic in numpy.
 
 Automatic differentiation through the whole alternating frequency/time residual wastes most of its time. Here CasADi
-differentiates the force at one sample, exactly; the compiled derivative is mapped over the samples, and constant matrices
-project it onto the harmonics. The linear part comes from `linear_balance`.
+differentiates the force at one sample, exactly; the compiled derivative is mapped over the samples, and constant
+matrices project it onto the harmonics. The linear part comes from `linear_balance`.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,7 +17,6 @@ from hbnlp.fourier import Array, FourierBasis, n_coefficients
 from hbnlp.linear_balance import LinearBalance
 from hbnlp.system import System
 
-
 LARGEST_EXPANSION = 50_000
 """Instructions up to which all samples are written out as one function: calls cost more than arithmetic there."""
 
@@ -24,8 +24,8 @@ LARGEST_EXPANSION = 50_000
 class MappedFunction:
     """A CasADi function evaluated at many samples at once, on numpy memory and without copies.
 
-    Fill the ``inputs``, arrays (n_samples, size), and call: the result is a list of arrays (n_samples, size), overwritten by the
-    next call.
+    Fill the ``inputs``, arrays (n_samples, size), and call: the result is a list of arrays (n_samples, size),
+    overwritten by the next call.
     """
 
     def __init__(self, function: ca.Function, inputs: list[Array]) -> None:
@@ -37,11 +37,12 @@ class MappedFunction:
         self._outputs = [np.zeros((n_samples, function.nnz_out(i))) for i in range(function.n_out())]
         self._buffer, self._run = self._mapped.buffer()
         for i, array in enumerate(self._inputs):
-            self._buffer.set_arg(i, memoryview(array.reshape(-1)))
+            self._buffer.set_arg(i, _memory(array))
         for i, array in enumerate(self._outputs):
-            self._buffer.set_res(i, memoryview(array.reshape(-1)))
+            self._buffer.set_res(i, _memory(array))
 
     def __call__(self) -> list[Array]:
+        """Return the results for the present inputs."""
         self._run()
         return self._outputs
 
@@ -83,8 +84,8 @@ class SampledForce:
     def __call__(self, name: str, coefficients: Array, values: Array) -> list[Array]:
         """Return what the named function gives at all samples: arrays (n_samples, size), overwritten by its next call.
 
-        Names: "value" (force), "jacobian" (force, nonzeros by q, nonzeros by r), and "along", "jacobian_along" (derivatives of
-        force and of those nonzeros along the direction that was set).
+        Names: "value" (force), "jacobian" (force, nonzeros by q, nonzeros by r), and "along", "jacobian_along"
+        (derivatives of force and of those nonzeros along the direction that was set).
         """
         np.matmul(self._phases, coefficients.T, out=self._state)
         self._p[:] = values
@@ -108,8 +109,8 @@ class SampledForce:
 class Assembly:
     """Residual, Jacobian and their derivatives as numpy arrays, for one system, harmonic count and sample count.
 
-    Vectors of unknowns ``x`` have ``n L`` entries, L = 2H + 1, ordered as the array of coefficients (n, L); ``values`` are the
-    parameters in the system's order. Arrays returned belong to the caller.
+    Vectors of unknowns ``x`` have ``n L`` entries, L = 2H + 1, ordered as the array of coefficients (n, L); ``values``
+    are the parameters in the system's order. Arrays returned belong to the caller.
     """
 
     def __init__(self, system: System, basis: FourierBasis, periods: int) -> None:
@@ -128,13 +129,14 @@ class Assembly:
             result += (self._projection @ self.force("value", coefficients, values)[0]).T
         return result.reshape(-1)
 
-    def jacobian(self, x: Array, values: Array) -> Array:
-        """Return dR/dx, (n L, n L)."""
-        matrix = self.linear.jacobian(values)
+    def jacobian(self, x: Array, values: Array, out: Array | None = None) -> Array:
+        """Return dR/dx, (n L, n L), or add it to ``out``."""
+        out = np.zeros((self.size, self.size)) if out is None else out
+        self.linear.add_jacobian(out, values)
         if self.force:
             _, by_q, by_r = self.force("jacobian", x.reshape(self._shape), values)
-            self._add_force(matrix, by_q, by_r)
-        return matrix.reshape(self.size, self.size)
+            self._add_force(out, by_q, by_r)
+        return out
 
     def parameter_derivative(self, x: Array, values: Array, index: int, load: float = 1.0) -> Array:
         """Return dR/dp_index, (n L,)."""
@@ -151,12 +153,14 @@ class Assembly:
 
     def jacobian_along(self, x: Array, values: Array, dx: Array | None, index: int | None = None) -> Array:
         """Return the derivative of dR/dx along ``dx`` plus that by parameter ``index``, (n L, n L)."""
-        matrix = np.zeros((*self._shape, *self._shape)) if index is None else self.linear.jacobian_slope(values, index)
+        out = np.zeros((self.size, self.size))
+        if index is not None:
+            self.linear.add_jacobian_slope(out, values, index)
         if self.force:
             self.force.set_direction(None if dx is None else dx.reshape(self._shape), index)
             by_q, by_r = self.force("jacobian_along", x.reshape(self._shape), values)
-            self._add_force(matrix, by_q, by_r)
-        return matrix.reshape(self.size, self.size)
+            self._add_force(out, by_q, by_r)
+        return out
 
     def term_size(self, x: Array, values: Array) -> float:
         """Return the size of the terms that R balances: the largest entry of its linear terms and excitation."""
@@ -172,9 +176,11 @@ class Assembly:
             (projection * self._basis.derivative_sampling[:, None, :]).reshape(-1, size),
         )
 
-    def _add_force(self, matrix: Array, by_q: Array, by_r: Array) -> None:
+    def _add_force(self, out: Array, by_q: Array, by_r: Array) -> None:
         force, size = self.force, self._shape[1]
         assert force is not None
+        matrix = out.view()
+        matrix.shape = (*self._shape, *self._shape)  # unlike reshape, this never copies
         for samples, products, (rows, columns) in (
             (by_q, self._products[0], force.places_q),
             (by_r, self._products[1], force.places_r),
@@ -189,3 +195,8 @@ class Assembly:
 
 def _entries(matrix: ca.SX) -> ca.SX:
     return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+
+
+def _memory(array: Array) -> Any:
+    """Return the memory of an array as CasADi's buffers want it."""
+    return memoryview(array.reshape(-1))  # type: ignore[arg-type]

@@ -1,7 +1,8 @@
 """Harmonic balance: Fourier coefficients as decision variables, the residual as a CasADi expression, and its program.
 
-The residual is the dynamic stiffness of each harmonic (the static one included, the lag states eliminated exactly) plus the
-Fourier coefficients of the force by alternating frequency/time; see Cameron and Griffin (1989), doi:10.1115/1.3176036.
+The residual is the dynamic stiffness of each harmonic (the static one included, the lag states eliminated exactly)
+plus the Fourier coefficients of the force by alternating frequency/time; see Cameron and Griffin (1989),
+doi:10.1115/1.3176036.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from hbnlp.system import System
 
 
 class HarmonicBalance:
-    """The periodic solutions of a system with ``n_harmonics`` harmonics, as square equations and as a nonlinear program.
+    """The periodic solutions of a system with H harmonics, as square equations and as a nonlinear program.
 
     Parameters
     ----------
@@ -34,7 +35,8 @@ class HarmonicBalance:
         omega / periods.
     n_samples : int, optional
         Samples a solution period for the nonlinear force. By default exact for a polynomial force, (d + 1) H + 1;
-        otherwise a start that `hbnlp.solve` and `hbnlp.trace` double until the residual moves by less than the tolerance.
+        otherwise a start that `hbnlp.solve` and `hbnlp.trace` double until the residual moves by less than the
+        tolerance.
 
     Attributes
     ----------
@@ -111,14 +113,17 @@ class HarmonicBalance:
 
     @cached_property
     def x(self) -> ca.MX:
+        """Decision variables, (n (2H+1),)."""
         return ca.MX.sym("x", self.size)
 
     @cached_property
     def p(self) -> ca.MX:
+        """Parameters, in the order of ``system.parameters.names``."""
         return ca.MX.sym("p", len(self.system.parameters.names))
 
     @cached_property
     def g(self) -> ca.MX:
+        """Residual, of the size and order of x."""
         system, basis = self.system, self.basis
         coefficients = ca.reshape(self.x, self.shape[1], self.shape[0])
         balance = self._linear_balance(coefficients)
@@ -210,7 +215,7 @@ class HarmonicBalance:
         return load, lag_motion
 
     def _lag_states(self, acceleration: ca.MX, lag_motion: ca.MX) -> ca.MX:
-        """Return the coefficients (2H+1, m) of x, from (s - A) x = B q'' + B_u u'' in the basis of eigenvectors of A."""
+        """Return the coefficients (2H+1, m) of x, from (s - A) x = B q'' + B_u u'' in A's eigenvectors."""
         lags = self.assembly.linear.lags
         drive = acceleration @ ca.DM(self.system.lag_input.T) + lag_motion
         inverse = np.linalg.inv(lags.vectors)

@@ -40,7 +40,9 @@ def refined_fold(curve: ParameterCurve, before: Point, after: Point, index: int)
         bracket=(before.parameter, after.parameter),
         index=index,
         refined=True,
-        solution=make_solution(problem, x, values, statistics={"residual": found.residual, "iterations": found.iterations}),
+        solution=make_solution(
+            problem, x, values, statistics={"residual": found.residual, "iterations": found.iterations}
+        ),
         null=null.reshape(problem.shape),
         sensitivity=fold_sensitivity(problem, x, values, name, left),
     )
@@ -56,7 +58,9 @@ def branch_point(curve: ParameterCurve, before: Point, after: Point, index: int)
         bracket=(before.parameter, after.parameter),
         index=index,
         refined=True,
-        solution=make_solution(curve.problem, point.y[:-1], curve.values(point.y), statistics={"residual": point.residual}),
+        solution=make_solution(
+            curve.problem, point.y[:-1], curve.values(point.y), statistics={"residual": point.residual}
+        ),
         null=after.branch_point.null[:-1].reshape(curve.problem.shape),
     )
 
@@ -64,9 +68,9 @@ def branch_point(curve: ParameterCurve, before: Point, after: Point, index: int)
 def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
     """Return which Floquet bifurcations the multipliers of two neighbouring points imply.
 
-    Folds and branch points (a multiplier through +1) are seen by the continuation itself and are not named here. The number of
-    real multipliers beyond -1 changes parity at a period doubling; a pair of unstable multipliers that neither +1 nor -1
-    accounts for is a Neimark-Sacker bifurcation.
+    Folds and branch points (a multiplier through +1) are seen by the continuation itself and are not named here. The
+    number of real multipliers beyond -1 changes parity at a period doubling; a pair of unstable multipliers that
+    neither +1 nor -1 accounts for is a Neimark-Sacker bifurcation.
     """
     if not (a.converged and b.converged):
         return ()
@@ -122,7 +126,9 @@ def unrefined(curve: ParameterCurve, kind: Kind, before: Point, after: Point, in
         bracket=(before.parameter, after.parameter),
         index=index,
         refined=False,
-        solution=make_solution(curve.problem, after.y[:-1], curve.values(after.y), statistics={"residual": after.residual}),
+        solution=make_solution(
+            curve.problem, after.y[:-1], curve.values(after.y), statistics={"residual": after.residual}
+        ),
     )
 
 

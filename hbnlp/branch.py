@@ -40,8 +40,12 @@ class End(enum.Enum):
     SPAN_START = "came back to the start of the span"
     CLOSED = "closed on itself"
     MAX_POINTS = "reached max_points; resume it, with a larger max_points"
-    STEP_TOO_SMALL = "the corrector fails however small the step; try more harmonics or a tighter PseudoArclength(angle=...)"
-    JUMP = "every step, however small, would jump to another branch or turn back; another start on the far side may go on"
+    STEP_TOO_SMALL = (
+        "the corrector fails however small the step; try more harmonics or a tighter PseudoArclength(angle=...)"
+    )
+    JUMP = (
+        "every step, however small, would jump to another branch or turn back; another start on the far side may go on"
+    )
     INTERRUPTED = "interrupted; resume it"
     ERROR = "an error was raised"
     STOPPED = "stopped by a callback; resume it"
@@ -155,7 +159,7 @@ class Branch:
     @property
     def n_harmonics(self) -> int:
         """Number of harmonics H."""
-        return (self.coefficients.shape[2] - 1) // 2
+        return int(self.coefficients.shape[2] - 1) // 2
 
     def harmonics(self, output: str) -> ComplexArray:
         """Return the complex amplitudes (n_points, H+1) of a named output: ``a_0`` and ``a_{2h-1} - i a_{2h}``."""
@@ -200,7 +204,7 @@ class Branch:
 
     def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
         """Draw the amplitude of one harmonic of an output against the parameter; see `hbnlp.plot.plot_branch`."""
-        from hbnlp.plot import plot_branch  # noqa: PLC0415  matplotlib is imported only when something is drawn
+        from hbnlp.plot import plot_branch
 
         return plot_branch(self, output, ax=ax, harmonic=harmonic, **options)
 
@@ -268,8 +272,8 @@ def load_branch(path: str | os.PathLike[str]) -> Branch:
     """
     arrays, metadata = load_arrays(path, _KIND)
     columns: dict[str, Any] = {name: arrays.get(name) for name in _COLUMNS}
-    fields = {name: tuple(v) if isinstance(v := metadata[name], list) else v for name in _METADATA}
-    shared = {"output_names": fields["output_names"], "periods": fields["periods"]}
+    fields: dict[str, Any] = {name: tuple(v) if isinstance(v := metadata[name], list) else v for name in _METADATA}
+    shared: dict[str, Any] = {"output_names": fields["output_names"], "periods": fields["periods"]}
     points = []
     for i, entry in enumerate(metadata["special_points"]):
         null = arrays["special_null"][i]
@@ -314,5 +318,3 @@ def _special_metadata(point: SpecialPoint) -> dict[str, Any]:
         "multiplier": None if point.multiplier is None else [point.multiplier.real, point.multiplier.imag],
         "sensitivity": dict(point.sensitivity),
     }
-
-

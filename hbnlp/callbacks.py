@@ -55,11 +55,13 @@ class ProgressBar:
         self._bar: Any = None
 
     def __call__(self, progress: Progress) -> None:
+        """Show where the trace is."""
         if self._bar is None:
             self._bar = tqdm(desc=f"tracing {progress.name}", **self._options)
         whole = round(100 * progress.fraction, 1)
         self._bar.set_postfix_str(
-            f"{progress.name} = {progress.value:.5g}, {progress.n_points} points, {progress.n_folds} folds", refresh=False
+            f"{progress.name} = {progress.value:.5g}, {progress.n_points} points, {progress.n_folds} folds",
+            refresh=False,
         )
         self._bar.update(max(whole - self._bar.n, 0.0))
         if progress.done:
@@ -68,7 +70,7 @@ class ProgressBar:
 
 
 class Autosave:
-    """Save the branch to a file every ``seconds`` and at the end; a failure to write is logged and the trace goes on."""
+    """Save the branch to a file every ``seconds`` and at the end; a failure to write is logged, no more."""
 
     def __init__(self, path: str | os.PathLike[str], *, seconds: float = 30.0) -> None:
         if seconds <= 0.0:
@@ -78,6 +80,7 @@ class Autosave:
         self._last = time.monotonic()
 
     def __call__(self, progress: Progress) -> None:
+        """Save if it is time."""
         if progress.done or time.monotonic() - self._last >= self.seconds:
             try:
                 progress.branch().save(self.path)

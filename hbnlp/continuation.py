@@ -1,9 +1,9 @@
 """Pseudo-arclength continuation: one trusted step after another along a curve, through its folds.
 
-Tangent predictor, corrector in the plane normal to the tangent (Keller 1977), a metric that measures changes relative to the
-present solution. A step is accepted only if the arc between its ends can be smooth: the angle between the tangents is small, the
-chord lies between them, and the orientation of the curve is kept. Otherwise it is refused and retried at half its length, so that
-the continuation neither jumps to a neighbouring leg nor turns back unnoticed.
+Tangent predictor, corrector in the plane normal to the tangent (Keller 1977), a metric that measures changes relative
+to the present solution. A step is accepted only if the arc between its ends can be smooth: the angle between the
+tangents is small, the chord lies between them, and the orientation of the curve is kept. Otherwise it is refused and
+retried at half its length, so that the continuation neither jumps to a neighbouring leg nor turns back unnoticed.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ from scipy.optimize import brentq
 
 from hbnlp.fourier import Array
 from hbnlp.newton import Bordered, Curve, Newton, correct
+
+MANY_ITERATIONS = 6
+"""A corrector that takes more asks for a smaller step."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +42,7 @@ class PseudoArclength:
     step: float = 0.02
     min_step: float = 1e-8
     max_step: float = 0.2
-    angle: float = 10.0
+    angle: float = 7.0
     max_points: int = 20_000
     newton: Newton = field(default_factory=lambda: Newton(max_iterations=8))
 
@@ -69,6 +72,7 @@ class Point:
     factorisations: int = 0
     arclength: float = 0.0
     branch_point: BranchPoint | None = None
+    factors: Bordered | None = field(default=None, repr=False, compare=False)
 
     @property
     def parameter(self) -> float:
@@ -125,6 +129,7 @@ class Continuation:
         self.options = options
         self.step = options.step
         self.refused = 0
+        self._bend: Array = np.zeros_like(start.y)
 
     def __iter__(self) -> Iterator[Point]:
         """Yield accepted points for ever; end by raising StopContinuation."""
@@ -142,6 +147,7 @@ class Continuation:
                 accepted, angle = self._accepted(self.point, trial)
                 if accepted is not None:
                     self._adapt(angle, accepted.iterations)
+                    self._bend = _bend(self.point, accepted)
                     self.point = accepted
                     return accepted
                 reason = Stop.JUMP
@@ -168,12 +174,18 @@ class Continuation:
         guess[-1] = bound
         row = np.zeros(guess.size)
         row[-1] = 1.0 / base.scale[-1]
-        return finish(self.curve, guess, row, base, self.options.newton)
+        point = finish(self.curve, guess, row, base, self.options.newton)
+        if point is not None:
+            point.y[-1] = bound  # exactly, also where it is zero
+        return point
 
     def at(self, base: Point, step: float) -> Point | None:
         """Return the point in the plane at distance ``step`` along the tangent of ``base``, or None."""
         row = base.tangent / base.scale**2
-        return finish(self.curve, base.y + step * base.tangent, row, base, self.options.newton)
+        guess = base.y + step * base.tangent
+        if base is self.point:
+            guess += step**2 * self._bend
+        return finish(self.curve, guess, row, base, self.options.newton)
 
     def _accepted(self, base: Point, trial: Point) -> tuple[Point | None, float]:
         scale = base.scale
@@ -197,9 +209,9 @@ class Continuation:
 
     def _adapt(self, angle: float, iterations: int) -> None:
         factor = np.radians(self.options.angle) / max(angle, 1e-12)
-        if iterations > 5:
-            factor = min(factor, 0.7)
-        self.step = float(np.clip(self.step * np.clip(factor, 0.5, 1.6), self.options.min_step, self.options.max_step))
+        if iterations > MANY_ITERATIONS:
+            factor = min(factor, 0.8)
+        self.step = float(np.clip(self.step * np.clip(factor, 0.5, 1.4), self.options.min_step, self.options.max_step))
 
     def _locate_branch_point(self, base: Point, trial: Point) -> BranchPoint | None:
         """Return where the orientation changes; None if it changes by a jump and not through a singular point."""
@@ -208,7 +220,7 @@ class Continuation:
             return point.orientation * float(np.exp(point.log_determinant - base.log_determinant))
 
         # at the singular point itself the corrector has nothing to hold on to: stop short of it and interpolate
-        located = locate(self, base, trial, test, tol=1e-4)
+        located = locate(self, base, trial, test, tol=1e-5)
         if located is None:
             return None
         return _at_branch_point(self.curve, located)
@@ -219,8 +231,9 @@ def locate(
 ) -> Point | None:
     """Return the point between two others where ``test`` vanishes, by Brent's method along the tangent of ``base``.
 
-    The search ends when ``test`` is below ``tol`` times its larger value at the ends; the two points next to the zero are then
-    interpolated; with ``tol`` zero the result is corrected as well. None is returned if a corrector fails, or if the points do not close in on one another: a jump.
+    The search ends when ``test`` is below ``tol`` times its larger value at the ends; the two points next to the zero
+    are then interpolated; with ``tol`` zero the result is corrected as well. None is returned if a corrector fails, or
+    if the points do not close in on one another: a jump.
     """
     row = base.tangent / base.scale**2
     length = float(row @ (end.y - base.y))
@@ -261,32 +274,35 @@ def locate(
 def start_point(curve: Curve, y: Array, toward: Array) -> Point:
     """Return a converged y as a point whose tangent makes an acute angle with ``toward``."""
     scale = curve.scale(y)
-    jacobian = curve.jacobian(y)
-    # the null vector of [dR/dx, dR/dlambda]: bordered by the parameter's unit vector, or by what the SVD says at a fold
-    row = np.zeros(y.size)
-    row[-1] = 1.0 / scale[-1]
-    factors = Bordered(jacobian, row)
-    unit = np.zeros(y.size)
-    unit[-1] = 1.0
-    tangent = factors.solve(unit) if not factors.singular else np.linalg.svd(jacobian * scale)[2][-1] * scale
+    jacobian = np.zeros((y.size - 1, y.size))
+    curve.jacobian(y, jacobian)
+    # the null vector of [R_x, R_lambda], also at a fold, where R_x alone is singular
+    tangent = np.linalg.svd(jacobian * scale)[2][-1] * scale
     along = float((tangent / scale) @ (toward / scale))
     tangent *= (np.sign(along) or 1.0) / np.linalg.norm(tangent / scale)
-    orientation, log_determinant = Bordered(jacobian, tangent / scale**2).determinant()
+    factors = Bordered(np.vstack([jacobian, tangent / scale**2]))
+    orientation, log_determinant = factors.determinant()
     residual = float(np.max(np.abs(curve.residual(y)), initial=0.0)) / max(curve.term_size(y), np.finfo(float).tiny)
     return Point(
-        y=y, tangent=tangent, scale=scale, orientation=orientation, log_determinant=log_determinant, residual=residual
+        y=y,
+        tangent=tangent,
+        scale=scale,
+        orientation=orientation,
+        log_determinant=log_determinant,
+        residual=residual,
+        factors=factors,
     )
 
 
 def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton) -> Point | None:
     """Return the corrected point with its tangent, turned the way of ``base``, or None if Newton's method failed."""
-    correction = correct(curve, guess, row, options)
+    near = (base.factors, base.tangent) if base.factors is not None else None
+    correction = correct(curve, guess, row, options, near)
     if not correction.converged:
         return None
     y = correction.y
     scale = curve.scale(y)
-    border = base.tangent / base.scale**2
-    factors = Bordered(curve.jacobian(y), border)
+    factors = Bordered.at(curve, y, base.tangent / base.scale**2)
     if factors.singular:
         return None
     unit = np.zeros(y.size)
@@ -294,7 +310,8 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
     tangent = factors.solve(unit)
     length = float(np.linalg.norm(tangent / scale))
     sign, log_determinant = factors.determinant()
-    # det [J; t^T/s^2] from det [J; border]: both rows see the null vector t of J, t.t/s^2 = 1 and border . t = 1 / length
+    # det [J; t^T/s^2] from det [J; border]: both rows see the null vector t of J, t.t/s^2 = 1 and border . t = 1 /
+    # length
     return Point(
         y=y,
         tangent=tangent / length,
@@ -304,19 +321,20 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
         residual=correction.residual,
         iterations=correction.iterations,
         factorisations=correction.factorisations + 1,
+        factors=factors,
     )
 
 
 def _at_branch_point(curve: Curve, near: Point) -> BranchPoint | None:
     """Return the branch point next to a point on a curve, and its second null vector.
 
-    There the matrix [J; tangent] is singular, and nearly so at the point: inverse iteration gives the vector that it annuls,
-    and Newton steps without a part along that vector put the point onto the curve.
+    There the matrix [J; tangent] is singular, and nearly so at the point: inverse iteration gives the vector that it
+    annuls, and Newton steps without a part along that vector put the point onto the curve.
     """
     y, row = near.y, near.tangent / near.scale**2
     null = np.ones(y.size) * near.scale
     for _ in range(2):
-        factors = Bordered(curve.jacobian(y), row)
+        factors = Bordered.at(curve, y, row)
         if factors.singular:
             return None
         for _ in range(2):
@@ -327,7 +345,15 @@ def _at_branch_point(curve: Curve, near: Point) -> BranchPoint | None:
     return BranchPoint(point=dataclasses.replace(near, y=y), null=null)
 
 
+def _bend(before: Point, after: Point) -> Array:
+    """Return the predictor's second-order term: half the change of the unit tangent per length, normal to it."""
+    scale = after.scale
+    length = float(np.linalg.norm((after.y - before.y) / scale))
+    earlier = before.tangent / np.linalg.norm(before.tangent / scale)
+    bend = 0.5 * (after.tangent - earlier) / length
+    return np.asarray(bend - after.tangent * float((after.tangent / scale**2) @ bend))
+
+
 def _angle(a: Array, b: Array) -> float:
     """Return the angle between unit vectors, accurate when it is small."""
     return float(2.0 * np.arcsin(min(1.0, 0.5 * float(np.linalg.norm(a - b)))))
-

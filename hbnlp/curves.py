@@ -28,7 +28,7 @@ class ParameterCurve:
         self.name = name
         self.index = problem.system.parameters.index(name)
         self.floor = floor
-        self.solution_floor = np.finfo(float).tiny
+        self.solution_floor = float(np.finfo(float).tiny)
         self._values = values.copy()
 
     def values(self, y: Array) -> Array:
@@ -38,47 +38,51 @@ class ParameterCurve:
         return values
 
     def residual(self, y: Array) -> Array:
+        """Return R(y), (size,)."""
         return self.problem.assembly.residual(y[:-1], self.values(y))
 
-    def jacobian(self, y: Array) -> Array:
+    def jacobian(self, y: Array, out: Array) -> None:
+        """Write dR/dy into an array (size, size + 1) of zeros."""
         assembly, values = self.problem.assembly, self.values(y)
-        jacobian = np.empty((self.size, self.size + 1))
-        jacobian[:, :-1] = assembly.jacobian(y[:-1], values)
-        jacobian[:, -1] = assembly.parameter_derivative(y[:-1], values, self.index)
-        return jacobian
+        assembly.jacobian(y[:-1], values, out[:, :-1])
+        out[:, -1] = assembly.parameter_derivative(y[:-1], values, self.index)
 
     def scale(self, y: Array) -> Array:
+        """Return the sizes (size + 1,) by which changes of y are measured."""
         scale = np.full(y.size, max(float(np.linalg.norm(y[:-1])), self.solution_floor))
         scale[-1] = max(abs(y[-1]), self.floor)
         return scale
 
     def term_size(self, y: Array) -> float:
+        """Return the size of the terms whose sum is R."""
         return self.problem.assembly.term_size(y[:-1], self.values(y))
 
 
 class LoadCurve:
-    """Solutions ``y = (x, load)`` at fixed parameters, the excitation multiplied by ``load``: the way from rest to 1."""
+    """Solutions ``y = (x, load)`` at fixed parameters, the excitation times ``load``: the way from rest to 1."""
 
     def __init__(self, problem: HarmonicBalance, values: Array) -> None:
         self.problem = problem
         self.size = problem.size
-        self.solution_floor = np.finfo(float).tiny
+        self.solution_floor = float(np.finfo(float).tiny)
         self._values = values
 
     def residual(self, y: Array) -> Array:
+        """Return R(y), (size,)."""
         return self.problem.assembly.residual(y[:-1], self._values, load=y[-1])
 
-    def jacobian(self, y: Array) -> Array:
+    def jacobian(self, y: Array, out: Array) -> None:
+        """Write dR/dy into an array (size, size + 1) of zeros."""
         assembly = self.problem.assembly
-        jacobian = np.empty((self.size, self.size + 1))
-        jacobian[:, :-1] = assembly.jacobian(y[:-1], self._values)
-        jacobian[:, -1] = assembly.load_derivative(self._values)
-        return jacobian
+        assembly.jacobian(y[:-1], self._values, out[:, :-1])
+        out[:, -1] = assembly.load_derivative(self._values)
 
     def scale(self, y: Array) -> Array:
+        """Return the sizes (size + 1,) by which changes of y are measured."""
         scale = np.full(y.size, max(float(np.linalg.norm(y[:-1])), self.solution_floor))
         scale[-1] = max(abs(y[-1]), 0.1)
         return scale
 
     def term_size(self, y: Array) -> float:
+        """Return the size of the terms whose sum is R."""
         return self.problem.assembly.term_size(y[:-1], self._values)

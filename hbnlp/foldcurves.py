@@ -1,4 +1,4 @@
-"""Curves of folds in two parameters, with the points where the picture of a response changes: cusps, isola births and merges."""
+"""Curves of folds in two parameters, and where the response changes its shape: cusps, isola births and merges."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ class FoldBranch:
     first, second : array (n_points,)
     coefficients : array (n_points, n_dof, 2H+1)
     events : tuple of FoldCurvePoint
-        Cusps (two folds meet), isola births (a detached branch appears as a point) and merges (it joins another branch).
+        Cusps (two folds meet), isola births (a detached branch appears as a point) and merges (it joins another
+        branch).
     ends : (str, str)
         Why the curve ends, on either side.
     parameters : dict
@@ -94,7 +95,7 @@ class FoldBranch:
 
     def plot(self, *, ax: Axes | None = None, **options: Any) -> Axes:
         """Draw the curve and its events in the plane of the two parameters; see `hbnlp.plot.plot_fold_curve`."""
-        from hbnlp.plot import plot_fold_curve  # noqa: PLC0415  matplotlib is imported only when something is drawn
+        from hbnlp.plot import plot_fold_curve
 
         return plot_fold_curve(self, ax=ax, **options)
 
@@ -176,16 +177,24 @@ def fold_curve(
     values = problem.values(fold.solution.parameters)
     curve = FoldCurve(problem, values, first, second)
     place = values[[curve.first, problem.system.parameters.index(second)]]
-    spans = [_span_around(span, value, name) for span, value, name in
-             zip((first_span, second_span), place, (first, second), strict=True)]
+    spans = [
+        _span_around(span, value, name)
+        for span, value, name in zip((first_span, second_span), place, (first, second), strict=True)
+    ]
     x = problem.vector(fold.solution.coefficients)
-    null = problem.vector(fold.null) if fold.null is not None else np.linalg.svd(problem.assembly.jacobian(x, values))[2][-1]
+    null = (
+        problem.vector(fold.null)
+        if fold.null is not None
+        else np.linalg.svd(problem.assembly.jacobian(x, values))[2][-1]
+    )
     guess = np.concatenate([x, null / np.linalg.norm(null), place])
     unit = np.zeros(guess.size)
     unit[-1] = 1.0
     found = correct(curve, guess, unit, Newton())
     if not found.converged:
-        raise ConvergenceError(f"the fold at {first} = {place[0]:g} does not converge in this problem: {found.reason}", found)
+        raise ConvergenceError(
+            f"the fold at {first} = {place[0]:g} does not converge in this problem: {found.reason}", found
+        )
     options = method or PseudoArclength(angle=5.0, max_points=3000)
     halves = [_half(curve, found.y, sign * unit, spans, options) for sign in (-1.0, 1.0)]
     (back, back_events, back_end), (ahead, ahead_events, ahead_end) = halves
@@ -197,7 +206,7 @@ def fold_curve(
         first=points[:, -2],
         second=points[:, -1],
         coefficients=points[:, : problem.size].reshape(-1, *problem.shape),
-        events=tuple([*back_events[::-1], *ahead_events]),
+        events=(*back_events[::-1], *ahead_events),
         ends=(back_end, ahead_end),
         parameters={k: v for k, v in fold.solution.parameters.items() if k not in (first, second)},
     )
@@ -221,7 +230,8 @@ def _half(
 ) -> tuple[list[Array], list[FoldCurvePoint], str]:
     start = start_point(curve, first, toward)
     stepper = Continuation(curve, start, options)
-    points, events = [first], []
+    points: list[Array] = [first]
+    events: list[FoldCurvePoint] = []
     while len(points) < options.max_points:
         before = stepper.point
         try:
@@ -266,10 +276,10 @@ def _event(stepper: Continuation, curve: FoldCurve, before: Point, after: Point)
 
 
 def _is_centre(curve: FoldCurve, y: Array) -> bool:
-    """Return whether the solution set in (x, first parameter) is an isolated point there, not a crossing of two branches.
+    """Return whether the solutions in (x, first parameter) are an isolated point there, not a crossing of branches.
 
-    On the two-dimensional null space of [R_x, R_lambda] the second derivative of w.R is a quadratic form: definite for a
-    centre, indefinite for a crossing (Golubitsky and Schaeffer 1985, doi:10.1007/978-1-4612-5034-0).
+    On the two-dimensional null space of [R_x, R_lambda] the second derivative of w.R is a quadratic form: definite for
+    a centre, indefinite for a crossing (Golubitsky and Schaeffer 1985, doi:10.1007/978-1-4612-5034-0).
     """
     problem, n = curve.problem, curve.n
     values, x = curve.values(y), y[:n]
@@ -292,4 +302,3 @@ def _is_centre(curve: FoldCurve, y: Array) -> bool:
     a, c = quadratic(plane[0]), quadratic(plane[1])
     b = 0.25 * (quadratic(plane[0] + plane[1]) - quadratic(plane[0] - plane[1]))
     return a * c - b * b > 0.0
-

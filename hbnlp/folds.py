@@ -1,6 +1,7 @@
 """Fold points: located by Newton's method on the bordered system, or as the optimum of a nonlinear program.
 
-At a fold the Jacobian has a null vector v while the parameter is stationary along the branch. Both descriptions are used::
+At a fold the Jacobian has a null vector v while the parameter is stationary along the branch. Both descriptions are
+used::
 
     R(x, p) = 0,  R_x v = 0,  v.v = 1               (Moore and Spence 1980), solved by Newton
     min or max  lambda   s.t.  R(x, p) = 0          whose multiplier is the left null vector w, solved by IPOPT
@@ -22,7 +23,7 @@ from hbnlp.solve import Ipopt
 
 
 class FoldCurve:
-    """Folds ``y = (x, v, lambda, mu)`` in two parameters, or at fixed mu; without a second parameter mu scales the load."""
+    """Folds ``y = (x, v, lambda, mu)`` in two parameters, or at fixed mu; by default mu scales the load."""
 
     def __init__(self, problem: HarmonicBalance, values: Array, first: str, second: str | None = None) -> None:
         self.problem = problem
@@ -46,6 +47,7 @@ class FoldCurve:
         return 1.0 if self.second is not None else float(y[-1])
 
     def residual(self, y: Array) -> Array:
+        """Return R(y), (size,)."""
         assembly, values = self.problem.assembly, self.values(y)
         x, v = y[: self.n], y[self.n : -2]
         result = np.empty(self.size)
@@ -54,10 +56,10 @@ class FoldCurve:
         result[-1] = 0.5 * (v @ v - 1.0)
         return result
 
-    def jacobian(self, y: Array) -> Array:
+    def jacobian(self, y: Array, out: Array) -> None:
+        """Write dR/dy into an array (size, size + 1) of zeros."""
         assembly, values, n = self.problem.assembly, self.values(y), self.n
-        x, v = y[:n], y[n:-2]
-        matrix = np.zeros((self.size, self.size + 1))
+        x, v, matrix = y[:n], y[n:-2], out
         matrix[:n, :n] = assembly.jacobian(x, values)
         matrix[n:-1, n:-2] = matrix[:n, :n]
         matrix[n:-1, :n] = assembly.jacobian_along(x, values, v)
@@ -68,16 +70,19 @@ class FoldCurve:
             else:
                 matrix[:n, column] = assembly.parameter_derivative(x, values, index, self.load(y))
                 matrix[n:-1, column] = assembly.jacobian_along(x, values, None, index) @ v
-        return matrix
 
     def scale(self, y: Array) -> Array:
+        """Return the sizes (size + 1,) by which changes of y are measured."""
         scale = np.ones(y.size)
         scale[: self.n] = max(float(np.linalg.norm(y[: self.n])), np.finfo(float).tiny)
         scale[-2:] = np.maximum(np.abs(y[-2:]), self._floor)
         return scale
 
     def term_size(self, y: Array) -> float:
-        return self.problem.assembly.term_size(y[: self.n], self.values(y))
+        """Return the size of the terms whose sum is R."""
+        assembly, values, x = self.problem.assembly, self.values(y), y[: self.n]
+        products = np.abs(assembly.jacobian(x, values)) @ np.abs(y[self.n : -2])
+        return max(assembly.term_size(x, values), float(products.max()))
 
 
 def fold_by_newton(
@@ -135,12 +140,13 @@ def left_null_vector(problem: HarmonicBalance, x: Array, values: Array, name: st
     It solves the transpose of the system [R_x, R_lambda; v, 0], which is regular at a fold.
     """
     index = problem.system.parameters.index(name)
-    jacobian = np.empty((problem.size, problem.size + 1))
-    jacobian[:, :-1] = problem.assembly.jacobian(x, values)
-    jacobian[:, -1] = problem.assembly.parameter_derivative(x, values, index)
+    matrix = np.zeros((problem.size + 1, problem.size + 1))
+    matrix[:-1, :-1] = problem.assembly.jacobian(x, values)
+    matrix[:-1, -1] = problem.assembly.parameter_derivative(x, values, index)
+    matrix[-1, :-1] = null
     last = np.zeros(problem.size + 1)
     last[-1] = 1.0
-    return Bordered(jacobian, np.append(null, 0.0)).solve_transposed(last)[:-1]
+    return Bordered(matrix).solve_transposed(last)[:-1]
 
 
 def fold_sensitivity(problem: HarmonicBalance, x: Array, values: Array, name: str, left: Array) -> dict[str, float]:

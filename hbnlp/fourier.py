@@ -88,8 +88,8 @@ def shift(coefficients: ArrayLike, phase: float) -> Array:
 class FourierBasis:
     """``n_harmonics`` harmonics seen at ``n_samples`` equidistant phases of one period.
 
-    Sampling and projection are exact inverses for signals within the basis when ``n_samples >= 2H + 1``. A product of d + 1
-    such signals is projected without aliasing when ``n_samples >= (d + 2) H + 1 - H = (d + 1) H + 1``.
+    Sampling and projection are exact inverses for signals within the basis when ``n_samples >= 2H + 1``. A product of
+    d + 1 such signals is projected without aliasing when ``n_samples >= (d + 2) H + 1 - H = (d + 1) H + 1``.
     """
 
     n_harmonics: int

@@ -12,9 +12,6 @@ LARGEST_CONDITION = 1e10
 class Lags:
     """``x = (s - A)^-1 [B, B_u] (s^2 [q; u])`` with A diagonalised once.
 
-    A being real, a pair of poles ``a +- i b`` with residue C enters as ``2 (s - a) / d`` times Re C and ``-2 b / d`` times
-    Im C, ``d = (s - a)^2 + b^2``: complex scalars times real matrices, one of each a state.
-
     Parameters
     ----------
     state, drive, motion : array (m, m), (m, n), (m, n_u)
@@ -37,24 +34,11 @@ class Lags:
             )
         self.poles, self.vectors = poles.astype(complex), vectors.astype(complex)
         self._inputs = np.linalg.solve(self.vectors, np.hstack([drive, motion]).astype(complex))
-        self._single = np.flatnonzero(self.poles.imag == 0.0)
-        self._upper = np.flatnonzero(self.poles.imag > 0.0)
 
-    def residues(self, output: Array) -> Array:
-        """Return the real matrices (m, k, n + n_u) of ``output (s - A)^-1 [B, B_u]``; ``output`` is (k, m)."""
-        outputs = output @ self.vectors
-        dyads = outputs.T[:, :, None] * self._inputs[:, None, :]
-        return np.concatenate([dyads[self._single].real, dyads[self._upper].real, dyads[self._upper].imag])
+    def residues(self, output: Array) -> ComplexArray:
+        """Return the residues (m, k, n + n_u) of ``output (s - A)^-1 [B, B_u]``; ``output`` is (k, m)."""
+        return np.asarray((output @ self.vectors).T[:, :, None] * self._inputs[:, None, :])
 
-    def weights(self, s: ComplexArray, order: int = 0) -> ComplexArray:
-        """Return the factors (len(s), m) of the residues, or their derivatives by s (order 1)."""
-        column = s[:, None]
-        single = 1.0 / (column - self.poles[self._single].real)
-        upper = self.poles[self._upper]
-        shifted, frequency = column - upper.real, upper.imag
-        size = 1.0 / (shifted**2 + frequency**2)
-        if order == 0:
-            return np.hstack([single, 2.0 * shifted * size, -2.0 * frequency * size])
-        return np.hstack(
-            [-(single**2), 2.0 * size - 4.0 * (shifted * size) ** 2, 4.0 * frequency * shifted * size**2]
-        )
+    def weights(self, s: ComplexArray) -> ComplexArray:
+        """Return ``1 / (s - pole)``, (len(s), m): the factors of the residues."""
+        return np.asarray(1.0 / (s[:, None] - self.poles))

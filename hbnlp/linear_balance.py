@@ -1,7 +1,7 @@
 """The linear part of the balance: matrices times coefficients, and the lag states eliminated exactly per harmonic.
 
-With the coefficients X (n, L) of q, the differentiation matrix d of `fourier`, ``w = omega / periods`` and, for harmonic h,
-``s = i h w`` and ``T(s) = L_x (s - A)^-1 [B, B_u]``::
+With the coefficients X (n, L) of q, the differentiation matrix d of `fourier`, ``w = omega / periods`` and, for
+harmonic h, ``s = i h w`` and ``T(s) = L_x (s - A)^-1 [B, B_u]``::
 
     K X + w D X d' + w^2 M X d'd' - lag(X) - F - (K_u U + w D_u U d' + w^2 M_u U d'd'),
     lag of harmonic h = s^2 (T_q q_h + T_u u_h)
@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from hbnlp.fourier import Array, ComplexArray, FourierBasis, differentiation, n_coefficients, to_complex
 from hbnlp.lags import Lags
@@ -32,6 +33,44 @@ class Laws(NamedTuple):
     input_mass: Array
     forcing: Array  # coefficients (n, L)
     motion: Array  # coefficients (n_u, L)
+
+
+class Pattern:
+    """Where the linear terms stand in a Jacobian (n L, n L): a few entries of each block of two degrees of freedom.
+
+    A complex block Z of harmonic h applied to a - i b has the cosine part Zr a + Zi b and the sine part Zr b - Zi a.
+    """
+
+    def __init__(self, used: NDArray[np.bool_], n_harmonics: int) -> None:
+        self._i, self._j = np.nonzero(used)
+        self._orders = np.arange(1, n_harmonics + 1)
+        length = n_coefficients(n_harmonics)
+        cosine, sine = 2 * self._orders - 1, 2 * self._orders
+        pairs = ((np.zeros(1, dtype=int),) * 2, (cosine, cosine), (sine, sine), (cosine, sine), (sine, cosine))
+        self._rows = np.concatenate([np.add.outer(self._i * length, rows).ravel() for rows, _ in pairs])
+        self._columns = np.concatenate([np.add.outer(self._j * length, columns).ravel() for _, columns in pairs])
+
+    def add(
+        self,
+        matrix: Array,
+        stiffness: Array,
+        damping: Array,
+        mass: Array,
+        rate: float,
+        lag: ComplexArray | None = None,
+    ) -> None:
+        """Add K + rate D d/dtheta + rate^2 M d^2/dtheta^2 acting on coefficients, less ``lag`` (H, n, n or more)."""
+        i, j = self._i, self._j
+        order = rate * self._orders
+        static = stiffness[i, j]
+        real = static[:, None] - mass[i, j][:, None] * order**2
+        imaginary = damping[i, j][:, None] * order
+        if lag is not None:
+            blocks = lag[:, i, j].T
+            real -= blocks.real
+            imaginary -= blocks.imag
+        real, imaginary = real.ravel(), imaginary.ravel()
+        matrix[self._rows, self._columns] += np.concatenate([static, real, real, imaginary, -imaginary])
 
 
 class LinearBalance:
@@ -53,7 +92,13 @@ class LinearBalance:
         self._first = differentiation(n_harmonics)
         self._second = self._first @ self._first
         self._orders = 1j * np.arange(1, n_harmonics + 1) / periods
-        self._cosine, self._sine = np.arange(1, length, 2), np.arange(2, length, 2)
+        # coefficients to amplitudes a - i b of the harmonics h >= 1, and back as a real part
+        h = np.arange(n_harmonics)
+        self._to_amplitudes = np.zeros((length, n_harmonics), dtype=complex)
+        self._to_amplitudes[2 * h + 1, h], self._to_amplitudes[2 * h + 2, h] = 1.0, -1j
+        self._to_coefficients = self._to_amplitudes.conj().T
+        self._n_harmonics = n_harmonics
+        self._everywhere = Pattern(np.ones((system.n_dof, system.n_dof), dtype=bool), n_harmonics)
         self._matrices = [system.mass, system.damping, system.stiffness, system.lag_output]
         self._matrices += [system.input_stiffness, system.input_damping, system.input_mass]
         self._signals = [system.forcing, system.motion]
@@ -69,23 +114,17 @@ class LinearBalance:
 
     def residual(self, coefficients: Array, values: Array, load: float) -> Array:
         """Return the linear terms (n, L), the excitation multiplied by ``load``."""
-        elastic, viscous, inertial = self._terms(coefficients, values)
-        elastic += viscous
-        elastic += inertial
-        elastic -= load * self.excitation(values)
-        return elastic
+        result, viscous, inertial = self._terms(coefficients, values)
+        result += viscous
+        result += inertial
+        result -= load * self.excitation(values)
+        return result
 
-    def jacobian(self, values: Array) -> Array:
-        """Return their derivative by the coefficients, (n, L, n, L)."""
-        self.laws(values)
-        rate = values[self.omega] / self.periods
-        by_stiffness, by_damping, by_mass = self._blocks
-        matrix: Array = rate * by_damping
-        matrix += by_stiffness
-        matrix += rate**2 * by_mass
-        if self.lags.n_lags:
-            self._add_harmonics(matrix, -self._lag_transfer(values)[..., : self._shape[0]])
-        return matrix
+    def add_jacobian(self, matrix: Array, values: Array) -> None:
+        """Add their derivative by the coefficients to ``matrix`` (n L, n L)."""
+        law = self.laws(values)
+        lag = self._lag_transfer(values) if self.lags.n_lags else None
+        self._pattern.add(matrix, law.stiffness, law.damping, law.mass, values[self.omega] / self.periods, lag)
 
     def excitation(self, values: Array) -> Array:
         """Return the coefficients (n, L) of forcing and prescribed motion, through their lag states, too."""
@@ -96,7 +135,7 @@ class LinearBalance:
         if self._excitation is None or self._excitation[0] != omega:
             load = law.forcing + self._motion_load(law, law.motion, omega / self.periods)
             if self.lags.n_lags:
-                self._add_amplitudes(load, self._lag_transfer(values)[..., self._shape[0] :], law.motion)
+                load += self._lagging(self._lag_transfer(values)[..., self._shape[0] :], law.motion)
             self._excitation = (omega, load)
         return self._excitation[1]
 
@@ -112,7 +151,7 @@ class LinearBalance:
         viscous = (rate * law.damping) @ (coefficients @ self._first.T)
         inertial = (rate**2 * law.mass) @ (coefficients @ self._second.T)
         if self.lags.n_lags:
-            self._add_amplitudes(inertial, -self._lag_transfer(values)[..., : self._shape[0]], coefficients)
+            inertial -= self._lagging(self._lag_transfer(values)[..., : self._shape[0]], coefficients)
         return elastic, viscous, inertial
 
     def _lag_transfer(self, values: Array) -> ComplexArray:
@@ -120,15 +159,13 @@ class LinearBalance:
         omega = values[self.omega]
         if self._transfer is None or self._transfer[0] != omega:
             s = omega * self._orders
-            self._transfer = (omega, self._summed((s**2)[:, None] * self.lags.weights(s), self._residues))
+            self._transfer = (omega, _summed((s**2)[:, None] * self.lags.weights(s), self._residues))
         return self._transfer[1]
 
-    def _summed(self, weights: ComplexArray, residues: Array) -> ComplexArray:
-        """Return the sum of weights (H, m) times residues (m, n, n + n_u): a real product for either part."""
-        flat = residues.reshape(residues.shape[0], -1)
-        total = np.vstack([weights.real, weights.imag]) @ flat
-        half = weights.shape[0]
-        return np.asarray(total[:half] + 1j * total[half:]).reshape(half, *residues.shape[1:])
+    def _lagging(self, transfer: ComplexArray, signal: Array) -> Array:
+        """Return the coefficients of ``transfer_h signal_h``; there is no static part."""
+        amplitudes = (signal @ self._to_amplitudes).T[..., None]
+        return np.asarray(((transfer @ amplitudes)[..., 0].T @ self._to_coefficients).real)
 
     # -- derivatives by a parameter ---------------------------------------------------------------------------------
 
@@ -151,26 +188,27 @@ class LinearBalance:
                 load_slope += (law.input_damping @ turned + 2.0 * rate * (law.input_mass @ twice)) / self.periods
         if self.lags.n_lags:
             transfer = self._lag_transfer_slope(values, index)
-            self._add_amplitudes(result, -transfer[..., :n], coefficients)
+            result -= self._lagging(transfer[..., :n], coefficients)
             if self._moves:
-                self._add_amplitudes(load_slope, transfer[..., n:], law.motion)
+                load_slope += self._lagging(transfer[..., n:], law.motion)
                 if self._matters(index):
                     moved = self._law_slopes(values, index).motion
-                    self._add_amplitudes(load_slope, self._lag_transfer(values)[..., n:], moved)
+                    load_slope += self._lagging(self._lag_transfer(values)[..., n:], moved)
         result -= load * load_slope
         return result
 
-    def jacobian_slope(self, values: Array, index: int) -> Array:
-        """Return the derivative of the Jacobian by parameter ``index``, (n, L, n, L)."""
-        by_stiffness, by_damping, by_mass = self._spread(self._law_slopes(values, index))
-        rate = values[self.omega] / self.periods
-        matrix: Array = by_stiffness + rate * by_damping + rate**2 * by_mass
+    def add_jacobian_slope(self, matrix: Array, values: Array, index: int) -> None:
+        """Add the derivative of the Jacobian by parameter ``index`` to ``matrix`` (n L, n L)."""
+        law, rate = self.laws(values), values[self.omega] / self.periods
+        if self._matters(index):
+            slope = self._law_slopes(values, index)
+            self._everywhere.add(matrix, slope.stiffness, slope.damping, slope.mass, rate)
         if index == self.omega:
-            _, damping, mass = self._blocks
-            matrix += (damping + 2.0 * rate * mass) / self.periods
+            none = np.zeros_like(law.stiffness)
+            self._everywhere.add(matrix, none, law.damping / self.periods, (2.0 * rate / self.periods) * law.mass, 1.0)
         if self.lags.n_lags:
-            self._add_harmonics(matrix, -self._lag_transfer_slope(values, index)[..., : self._shape[0]])
-        return matrix
+            none = np.zeros_like(law.stiffness)
+            self._everywhere.add(matrix, none, none, none, rate, self._lag_transfer_slope(values, index))
 
     def _motion_load(self, law: Laws, motion: Array, rate: float) -> Array:
         load = law.input_stiffness @ motion + rate * (law.input_damping @ (motion @ self._first.T))
@@ -178,16 +216,16 @@ class LinearBalance:
 
     def _lag_transfer_slope(self, values: Array, index: int) -> ComplexArray:
         """Return the derivative of s^2 T(s) by parameter ``index``, (H, n, n + n_u)."""
-        s = values[self.omega] * self._orders
-        column = s[:, None]
-        weights, result = self.lags.weights(s), np.zeros((1, 1, 1), dtype=complex)
+        s = (values[self.omega] * self._orders)[:, None]
+        weights = self.lags.weights(s[:, 0])
+        result = np.zeros((s.size, self._shape[0], self._shape[0] + self.system.n_inputs), dtype=complex)
         if self._matters(index):
             residues = self.lags.residues(self._law_slopes(values, index).lag_output)
-            result = result + self._summed(column**2 * weights, residues)
+            result += _summed(s**2 * weights, residues)
         if index == self.omega:
-            by_s = 2.0 * column * weights + column**2 * self.lags.weights(s, order=1)
-            result = result + self._summed(self._orders[:, None] * by_s, self._residues)
-        return result + np.zeros((s.size, self._shape[0], self._shape[0] + self.system.n_inputs))
+            by_s = (2.0 - s * weights) * (s * weights)
+            result += _summed(self._orders[:, None] * by_s, self._residues)
+        return result
 
     def _matters(self, index: int) -> bool:
         """Return whether matrices, forcing or motion depend on the parameter (omega seldom does)."""
@@ -199,24 +237,8 @@ class LinearBalance:
         """Return the complex amplitudes (H+1, m) of the lag states."""
         s = np.append(0.0, values[self.omega] * self._orders)
         driven = to_complex(np.vstack([coefficients, self.laws(values).motion])).T
-        resolvent = self._summed(self.lags.weights(s), self.lags.residues(np.eye(self.lags.n_lags)))
+        resolvent = _summed(self.lags.weights(s), self.lags.residues(np.eye(self.lags.n_lags)))
         return np.asarray((s**2)[:, None] * (resolvent @ driven[..., None])[..., 0])
-
-    @staticmethod
-    def _add_amplitudes(target: Array, transfer: ComplexArray, signal: Array) -> None:
-        """Add ``transfer_h signal_h`` to the coefficients of the harmonics h >= 1."""
-        amplitudes = (signal[:, 1::2] - 1j * signal[:, 2::2]).T
-        product = (transfer @ amplitudes[..., None])[..., 0]
-        target[:, 1::2] += product.real.T
-        target[:, 2::2] -= product.imag.T
-
-    def _add_harmonics(self, matrix: Array, blocks: ComplexArray) -> None:
-        """Add complex blocks Z_h, h >= 1: Z (a - i b) has the cosine part Zr a + Zi b and the sine part Zr b - Zi a."""
-        cosine, sine = self._cosine, self._sine
-        matrix[:, cosine, :, cosine] += blocks.real
-        matrix[:, sine, :, sine] += blocks.real
-        matrix[:, cosine, :, sine] += blocks.imag
-        matrix[:, sine, :, cosine] -= blocks.imag
 
     # -- what depends on the parameters -----------------------------------------------------------------------------
 
@@ -226,9 +248,11 @@ class LinearBalance:
         if key != self._key:
             matrices, signals = self._functions
             forcing, motion = signals(self._tau, self._repeated(values))
-            numbers = (np.array(e) for e in matrices(values))
-            self._laws = Laws(*numbers, self._coefficients(forcing), self._coefficients(motion))
-            self._blocks = self._spread(self._laws)
+            numbers = [np.array(e) for e in matrices(values)]
+            self._laws = Laws._make([*numbers, self._coefficients(forcing), self._coefficients(motion)])
+            every = np.full(self._laws.mass.shape, bool(self.lags.n_lags))
+            used = every | (self._laws.stiffness != 0.0) | (self._laws.damping != 0.0) | (self._laws.mass != 0.0)
+            self._pattern = Pattern(used, self._n_harmonics)
             self._residues = self.lags.residues(self._laws.lag_output)
             self._slopes, self._transfer, self._excitation = {}, None, None
             self._key = key
@@ -240,16 +264,9 @@ class LinearBalance:
             matrices, signals = self._slope_functions
             unit = (np.arange(values.size) == index).astype(float)
             forcing, motion = signals(self._tau, self._repeated(values), self._repeated(unit))
-            numbers = (np.array(e) for e in matrices(values, unit))
-            self._slopes[index] = Laws(*numbers, self._coefficients(forcing), self._coefficients(motion))
+            numbers = [np.array(e) for e in matrices(values, unit)]
+            self._slopes[index] = Laws._make([*numbers, self._coefficients(forcing), self._coefficients(motion)])
         return self._slopes[index]
-
-    def _spread(self, law: Laws) -> tuple[Array, Array, Array]:
-        """Return the (n, L, n, L) arrays of K, D and M acting on coefficients, for w = 1."""
-        unit = np.eye(self._shape[1])
-        pairs = ((law.stiffness, unit), (law.damping, self._first), (law.mass, self._second))
-        stiffness, damping, mass = (matrix[:, None, :, None] * by_phase[None, :, None, :] for matrix, by_phase in pairs)
-        return stiffness, damping, mass
 
     @cached_property
     def _functions(self) -> tuple[ca.Function, ca.Function]:
@@ -277,3 +294,10 @@ class LinearBalance:
 
     def _coefficients(self, samples: ca.DM) -> Array:
         return np.asarray(np.array(samples) @ self.excitation_basis.projection.T)
+
+
+def _summed(weights: ComplexArray, residues: ComplexArray) -> ComplexArray:
+    """Return the sums of weights (k, m) times residues (m, ...), for each row of weights."""
+    return np.asarray(
+        (weights @ residues.reshape(residues.shape[0], -1)).reshape(weights.shape[0], *residues.shape[1:])
+    )

@@ -71,7 +71,7 @@ def locate_peak(
     y = np.array(answer["x"]).ravel()
     statistics = solver.stats()
     values[position] = y[-1]
-    record = {"method": "Ipopt", "iterations": int(statistics["iter_count"])}
+    record: dict[str, float | str] = {"method": "Ipopt", "iterations": int(statistics["iter_count"])}
     if not statistics["success"]:
         failed = make_solution(problem, y[:-1], values, status=Status.NOT_CONVERGED, statistics=record)
         raise ConvergenceError(
@@ -89,7 +89,9 @@ def locate_peak(
     )
 
 
-def peaks(branch: Branch, output: str, *, harmonic: int = 1, problem: HarmonicBalance | None = None) -> list[SpecialPoint]:
+def peaks(
+    branch: Branch, output: str, *, harmonic: int = 1, problem: HarmonicBalance | None = None
+) -> list[SpecialPoint]:
     """Return all interior maxima of an output's amplitude along a branch, in branch order, each solved for.
 
     ``problem`` is needed for a branch that was loaded from a file.
@@ -114,7 +116,7 @@ def peaks(branch: Branch, output: str, *, harmonic: int = 1, problem: HarmonicBa
 
 
 def _around(branch: Branch, index: int) -> tuple[float, float]:
-    """Return an interval of the parameter that holds the branch from the point before to the point after, folds included."""
+    """Return an interval of the parameter that holds the points before and after, and a fold between them."""
     values = branch.parameter[index - 1 : index + 2]
     margin = float(np.ptp(values)) or 1e-6 * abs(float(values[1]))
     return float(values.min() - margin), float(values.max() + margin)

@@ -1,7 +1,8 @@
-"""All solutions at one parameter point: random starts, deflation, and the curves that join solutions as the load varies."""
+"""All solutions at one parameter point: random starts, deflation, and curves that join them as the load varies."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -30,8 +31,8 @@ class Search:
     n_deflated : int
         Deflated Newton runs from the neighbourhood of each solution found.
     largest_load : float
-        From each solution the load is varied, through folds, between 0 and this multiple of its value; where the curve comes
-        back to the load itself is another solution. 0: off.
+        From each solution the load is varied, through folds, between 0 and this multiple of its value; where the curve
+        comes back to the load itself is another solution. 0: off.
     separation : float
         Solutions nearer to each other than this, relative to their size, are one.
     max_iterations : int
@@ -65,10 +66,10 @@ def find_all(
 ) -> list[Solution]:
     """Return the solutions at one parameter point that a search finds, smallest first.
 
-    Newton's method, deflated by the solutions known so far, is run from random starts and from near each of them: deflation
-    turns known solutions into poles, so that the same start leads elsewhere. From each solution the load is varied by
-    continuation, and every further crossing of its value is a solution, too. A search can miss solutions; more starts miss
-    fewer.
+    Newton's method, deflated by the solutions known so far, is run from random starts and from near each of them:
+    deflation turns known solutions into poles, so that the same start leads elsewhere. From each solution the load is
+    varied by continuation, and every further crossing of its value is a solution, too. A search can miss solutions;
+    more starts miss fewer.
 
     Parameters
     ----------
@@ -89,11 +90,13 @@ def find_all(
     values = problem.values(at)
     found: list[Solution] = []
     for solution in known or []:
-        _add(found, attempt(problem, values, problem.vector(solution.coefficients), options.newton, start="known"), options)
-    try:
+        _add(
+            found,
+            attempt(problem, values, problem.vector(solution.coefficients), options.newton, start="known"),
+            options,
+        )
+    with contextlib.suppress(ConvergenceError):
         _add(found, solve(problem, at=at), options)
-    except ConvergenceError:
-        pass
     largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
     reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
     visited = 0
@@ -120,11 +123,11 @@ def _run(
 
 
 def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, options: Search) -> list[Array]:
-    """Return guesses of the solutions where the curve of solutions against load, both ways from x, meets load 1 again."""
+    """Return guesses where the curve of solutions against load, both ways from x, meets load 1 again."""
     if options.largest_load <= 1.0:
         return []
     curve = LoadCurve(problem, values)
-    curve.solution_floor = max(1e-6 * float(np.linalg.norm(x)), float(np.finfo(float).tiny))
+    curve.solution_floor = max(1e-6 * float(np.linalg.norm(x)), curve.solution_floor)
     crossings = []
     for sign in (1.0, -1.0):
         toward = np.zeros(x.size + 1)
@@ -149,7 +152,7 @@ def _add(found: list[Solution], solution: Solution, options: Search) -> None:
         return
     x = solution.coefficients
     for other in found:
-        size = max(float(np.linalg.norm(x)), float(np.linalg.norm(other.coefficients)), np.finfo(float).tiny)
+        size = max(float(np.linalg.norm(x)), float(np.linalg.norm(other.coefficients)), float(np.finfo(float).tiny))
         if np.linalg.norm(x - other.coefficients) <= options.separation * size:
             return
     found.append(solution)
@@ -167,8 +170,8 @@ def deflated_newton(
 ) -> Array | None:
     """Return an approximate solution away from the known ones, or None.
 
-    The residual is multiplied by ``prod (1 + size^2 / |x - x_i|^2)``; by the Sherman-Morrison formula its Newton step is the
-    plain one times a number.
+    The residual is multiplied by ``prod (1 + size^2 / |x - x_i|^2)``; by the Sherman-Morrison formula its Newton step
+    is the plain one times a number.
     """
     x = start.copy()
     previous = np.inf
@@ -185,12 +188,12 @@ def deflated_newton(
         slope = 0.0
         for other in known:
             away = x - other
-            distance = float(away @ away) or np.finfo(float).tiny
+            distance = float(away @ away) or float(np.finfo(float).tiny)
             scale = float(other @ other) or 1.0
             slope += -2.0 * scale / (distance * (distance + scale)) * float(away @ step)
         factor = 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
         length = abs(factor) * float(np.linalg.norm(step))
-        if length <= 1e-6 * max(size, np.finfo(float).tiny):
+        if length <= 1e-6 * max(size, float(np.finfo(float).tiny)):
             return x + step
         # steps larger than the solution itself are cut: far from a solution the linear model is worth little
         damping = min(1.0, max(size, 1e-12) / length) if length > previous else 1.0

@@ -40,7 +40,8 @@ class Solution:
         Length in forcing periods.
     status : Status
     statistics : dict
-        How it was found: iterations, the residual relative to its terms, the samples of the force, the start that led here.
+        How it was found: iterations, the residual relative to its terms, the samples of the force, the start that led
+        here.
     problem : HarmonicBalance or None
         None for a solution loaded from a file.
     """
@@ -62,7 +63,7 @@ class Solution:
     @property
     def n_harmonics(self) -> int:
         """Number of harmonics H."""
-        return (self.coefficients.shape[1] - 1) // 2
+        return int(self.coefficients.shape[1] - 1) // 2
 
     @property
     def omega(self) -> float:
@@ -71,11 +72,11 @@ class Solution:
 
     def harmonics(self, output: str) -> ComplexArray:
         """Return the complex amplitudes (H+1,) of a named output."""
-        return self.amplitudes[self._index(output)]
+        return np.asarray(self.amplitudes[self._index(output)])
 
     def signal(self, output: str, t: ArrayLike) -> Array:
         """Return a named output at times t, from its harmonics (exact for outputs that are linear)."""
-        return self._at(t) @ to_real(self.harmonics(output))
+        return np.asarray(self._at(t) @ to_real(self.harmonics(output)))
 
     def displacement(self, t: ArrayLike) -> Array:
         """Return q at times t: array (n_dof, len(t))."""
@@ -95,7 +96,9 @@ class Solution:
             If the solution came from a file, without its problem.
         """
         if self.problem is None:
-            raise ValueError("a solution from a file has no problem to evaluate expressions with; solve it again from there")
+            raise ValueError(
+                "a solution from a file has no problem to evaluate expressions with; solve it again from there"
+            )
         function = ca.Function("expression", [self.problem.x, self.problem.p], [ca.densify(expression)])
         return np.array(function(self.coefficients.ravel(), np.array(list(self.parameters.values())))).squeeze()
 
@@ -113,11 +116,13 @@ class Solution:
             f"|{name}| = {abs(row[1]):.6g}" for name, row in zip(self.output_names[:4], self.amplitudes, strict=False)
         )
         statistics = ", ".join(
-            f"{name} {value:.3g}" if isinstance(value, float) else f"{name} {value}" for name, value in self.statistics.items()
+            f"{name} {value:.3g}" if isinstance(value, float) else f"{name} {value}"
+            for name, value in self.statistics.items()
         )
         return (
             f"Solution ({self.status.name.lower()}), {self.n_harmonics} harmonics of omega"
-            f"{f' / {self.periods}' if self.periods > 1 else ''}\n  at {values}\n  first harmonics: {first}\n  {statistics}"
+            f"{f' / {self.periods}' if self.periods > 1 else ''}\n  at {values}\n  first harmonics: {first}\n  "
+            f"{statistics}"
         )
 
 
@@ -140,5 +145,3 @@ def make_solution(
         statistics={"samples": problem.n_samples, **(statistics or {})},
         problem=problem,
     )
-
-

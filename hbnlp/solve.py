@@ -105,9 +105,9 @@ def solve(
 ) -> Solution:
     """Return a periodic solution at one parameter point.
 
-    Without a guess it starts from the linear response and, where Newton's method fails there, from the solution with fewer
-    harmonics, then along the solutions that lead from rest as the load grows to its value (a continuation, so folds on the way
-    do not matter), and last by IPOPT.
+    Without a guess it starts from the linear response and, where Newton's method fails there, from the solution with
+    fewer harmonics, then along the solutions that lead from rest as the load grows to its value (a continuation, so
+    folds on the way do not matter), and last by IPOPT.
 
     Parameters
     ----------
@@ -144,7 +144,9 @@ def solve(
     if solution.converged or not throw:
         return solution
     point = ", ".join(f"{k}={v:g}" for k, v in solution.parameters.items())
-    raise ConvergenceError(f"no solution at {point}: {solution.statistics['reason']}. {Status.NOT_CONVERGED.value}", solution)
+    raise ConvergenceError(
+        f"no solution at {point}: {solution.statistics['reason']}. {Status.NOT_CONVERGED.value}", solution
+    )
 
 
 def linear_guess(problem: HarmonicBalance, values: Array) -> Array:
@@ -201,7 +203,7 @@ def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array 
     if not rest.converged:
         return None
     linear = linear_guess(problem, values)
-    curve.solution_floor = max(1e-3 * float(np.linalg.norm(linear)), np.finfo(float).tiny)
+    curve.solution_floor = max(1e-3 * float(np.linalg.norm(linear)), curve.solution_floor)
     walk = Continuation(curve, start_point(curve, rest.y, full), PseudoArclength(max_points=2000))
     try:
         for _ in range(walk.options.max_points):
@@ -213,7 +215,7 @@ def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array 
 
 
 def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Method, *, start: str) -> Solution:
-    """Return what the method makes of a guess, with enough samples of the force; ``start`` says where the guess is from."""
+    """Return what the method makes of a guess, with enough samples of the force; ``start`` says where it is from."""
     correction = iterate(problem, guess, values, method)
     while correction.converged and not samples_suffice(problem, correction.y, values):
         problem = problem.oversampled()
@@ -234,8 +236,9 @@ def samples_suffice(problem: HarmonicBalance, x: Array, values: Array) -> bool:
     """Return whether twice the samples of the force leave the residual at a solution within the aliasing tolerance."""
     if problem.samples_are_exact:
         return True
-    moved = float(np.max(np.abs(problem.oversampled().assembly.residual(x, values))))
-    return moved <= ALIASING_TOL * max(problem.assembly.term_size(x, values), np.finfo(float).tiny)
+    fine, coarse = (each.assembly.residual(x, values) for each in (problem.oversampled(), problem))
+    moved = float(np.max(np.abs(fine - coarse)))
+    return moved <= ALIASING_TOL * max(problem.assembly.term_size(x, values), float(np.finfo(float).tiny))
 
 
 def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Method) -> Correction:
@@ -254,7 +257,7 @@ def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Metho
         x = np.array(solver(guess, values)).ravel()
     statistics = solver.stats()
     with np.errstate(all="ignore"):
-        size = max(problem.assembly.term_size(x, values), np.finfo(float).tiny)
+        size = max(problem.assembly.term_size(x, values), float(np.finfo(float).tiny))
         residual = float(np.max(np.abs(problem.assembly.residual(x, values)))) / size
     converged = bool(statistics["success"]) and residual < 1e-6
     reason = f"the residual is {residual:.1e} of its terms"
@@ -274,8 +277,7 @@ def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Metho
 def _compiled(problem: HarmonicBalance, method: Ipopt | Rootfinder) -> ca.Function:
     if isinstance(method, Ipopt):
         return ca.nlpsol("solver", "ipopt", problem.nlp, method.options())
-    options = {"error_on_fail": False, "show_eval_warnings": False, "abstol": method.tol}
+    options: dict[str, object] = {"error_on_fail": False, "show_eval_warnings": False, "abstol": method.tol}
     if method.plugin != "fast_newton":
         options |= {"linear_solver": "lapacklu", "max_iter": method.max_iterations}
     return ca.rootfinder("solver", method.plugin, problem.residual, options)
-

@@ -1,4 +1,4 @@
-"""Marching through values of a parameter as an experiment or the paper does it: each solution starts from the last, jumps happen."""
+"""Marching through values of a parameter, as experiments do: each solution starts from the last, and jumps happen."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Sweep:
 
     def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
         """Draw the amplitude of one harmonic of an output, jumps as arrows; see `hbnlp.plot.plot_sweep`."""
-        from hbnlp.plot import plot_sweep  # noqa: PLC0415  matplotlib is imported only when something is drawn
+        from hbnlp.plot import plot_sweep
 
         return plot_sweep(self, output, ax=ax, harmonic=harmonic, **options)
 

@@ -12,7 +12,9 @@ from hbnlp.newton import Newton, correct
 from hbnlp.solution import Solution, make_solution
 
 
-def switch_branch(problem: HarmonicBalance, special: SpecialPoint, name: str, *, step: float = 0.02) -> tuple[Solution, ...]:
+def switch_branch(
+    problem: HarmonicBalance, special: SpecialPoint, name: str, *, step: float = 0.02
+) -> tuple[Solution, ...]:
     """Return starts on the branch that crosses at a special point, one to each side of it.
 
     Trace each with ``hbnlp.trace(start.problem, name, span, start=start, away_from=special.solution)``.

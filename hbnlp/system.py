@@ -59,8 +59,14 @@ class System:
 
     Examples
     --------
-    >>> System([[1.0]], [[0.05]], [[1.0]], nonlinear_force=lambda q, v, tau, p: [p.cubic * q[0] ** 3],
-    ...        forcing=lambda tau, p: [p.force * ca.cos(tau)], parameters={"cubic": 0.1, "force": 0.18})
+    >>> System(
+    ...     [[1.0]],
+    ...     [[0.05]],
+    ...     [[1.0]],
+    ...     nonlinear_force=lambda q, v, tau, p: [p.cubic * q[0] ** 3],
+    ...     forcing=lambda tau, p: [p.force * ca.cos(tau)],
+    ...     parameters={"cubic": 0.1, "force": 0.18},
+    ... )
     System 'system': 1 degree of freedom, 0 lag states
       parameters: cubic=0.1, force=0.18, omega=?
       outputs: x
@@ -140,12 +146,12 @@ class System:
     @property
     def n_state(self) -> int:
         """Size of the full state (q, q', x)."""
-        return 2 * self.n_dof + self.n_lags
+        return int(2 * self.n_dof + self.n_lags)
 
     @property
     def is_nonlinear(self) -> bool:
         """Whether there is a force f besides the matrices (it may be a constant load)."""
-        return not self.force.is_zero()
+        return not bool(self.force.is_zero())
 
     # -- compiled functions -----------------------------------------------------------------------------------------
 
@@ -176,7 +182,9 @@ class System:
         """CasADi function (tau, p) -> (K_u u + D_u u' + M_u u'' + forcing, B_u u''), the time-dependent right sides."""
         du, ddu = self.motion_derivatives
         load = self.input_stiffness @ self.motion + self.input_damping @ du + self.input_mass @ ddu + self.forcing
-        return ca.Function("excitation", [self.tau, self.p], [ca.densify(load), ca.densify(ca.DM(self.lag_motion) @ ddu)])
+        return ca.Function(
+            "excitation", [self.tau, self.p], [ca.densify(load), ca.densify(ca.DM(self.lag_motion) @ ddu)]
+        )
 
     @cached_property
     def outputs(self) -> ca.Function:
@@ -206,8 +214,8 @@ class System:
     def linearisation(self, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None) -> Array:
         """Return the state matrix (n_state, n_state) of (q, q', x), linearised about rest.
 
-        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0; omega, where it has no
-        value, is taken as zero: a system whose matrices depend on it has no linearisation without one.
+        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0; omega, where it
+        has no value, is taken as zero: a system whose matrices depend on it has no linearisation without one.
         """
         values = np.nan_to_num(self.parameters.values(at, but=("omega",)))
         mass, damping, stiffness, lag_output = self.state_matrices(values)
@@ -303,7 +311,9 @@ def _column(what: str, value: Any, size: int | None = None) -> ca.SX:
         for entry in np.atleast_1d(np.array(value, dtype=object)).ravel():
             column = ca.vertcat(column, _expression(what, entry))
     if column.shape[1] != 1 or (size is not None and column.shape[0] != size):
-        raise ValueError(f"{what} returned shape {column.shape}; {size} expressions are needed, one a degree of freedom")
+        raise ValueError(
+            f"{what} returned shape {column.shape}; {size} expressions are needed, one a degree of freedom"
+        )
     return _with_finite_numbers(what, ca.densify(column))
 
 

@@ -26,10 +26,11 @@ def duffing(*, damping_ratio: float = 0.025, cubic: float = 0.1, force: float = 
 
 
 def chain(n_masses: int = 10, *, damping: float = 0.02, cubic: float = 0.5, force: float = 0.1) -> System:
-    """Return a chain of unit masses on unit springs, each with a cubic spring to ground; outputs ``"x1"``, ``"x2"``, ...
+    """Return a chain of unit masses on unit springs, each with a cubic spring to ground.
 
-    Linear springs and dampers stand between neighbours and from the first mass to ground; ``force`` cos(omega t) acts on the
-    last mass. With its symmetry-breaking branch points and legs that come close it is hard on a continuation.
+    Its outputs are ``"x1"``, ``"x2"``, ...
+    Linear springs and dampers stand between neighbours and from the first mass to ground; ``force`` cos(omega t) acts
+    on the last mass. With its symmetry-breaking branch points and legs that come close it is hard on a continuation.
     """
     if n_masses < 1:
         raise ValueError(f"n_masses = {n_masses!r}; at least 1 is needed")
@@ -55,14 +56,16 @@ def tuned_absorber(
     absorber_damping: float = 0.0127558546415,
     absorber_cubic: float = 0.0041666666667,
 ) -> System:
-    """Return a Duffing oscillator with a nonlinear tuned vibration absorber, outputs ``"x1"`` (host) and ``"x2"`` (absorber).
+    """Return a Duffing oscillator with a nonlinear tuned vibration absorber.
 
-    x1'' + c1 x1' + x1 + x1^3 and eps x2'', coupled by a damper c2, a spring k2 and a cubic spring; ``force`` cos(omega t) acts
-    on the host. Its response has a detached branch (isola) for .123 < force < .181.
+    Its outputs are ``"x1"`` (host) and ``"x2"`` (absorber):
+    x1'' + c1 x1' + x1 + x1^3 and eps x2'', coupled by a damper c2, a spring k2 and a cubic spring; ``force`` cos(omega
+    t) acts on the host. Its response has a detached branch (isola) for .123 < force < .181.
 
     References
     ----------
-    Detroux, Habib, Masset, Kerschen (2015), Mech. Syst. Signal Process. 60-61, 799-809, doi:10.1016/j.ymssp.2015.01.035.
+    Detroux, Habib, Masset, Kerschen (2015), Mech. Syst. Signal Process. 60-61, 799-809,
+    doi:10.1016/j.ymssp.2015.01.035.
     """
     tie = ca.DM([[1.0, -1.0], [-1.0, 1.0]])
     host = ca.DM([[1.0, 0.0], [0.0, 0.0]])

@@ -13,9 +13,9 @@ def check_branch(
 ) -> None:
     """Raise an AssertionError if a branch breaks an invariant.
 
-    The residual, recomputed by the symbolic function where the problem is known, is small at every point and special point;
-    arclength rises; parameter stays in the span; stability flags recount the multipliers; special points lie inside their
-    brackets (a fold beyond both ends, as an extremum), at points of the branch, in order; shapes agree.
+    The residual, recomputed by the symbolic function where the problem is known, is small at every point and special
+    point; arclength rises; parameter stays in the span; stability flags recount the multipliers; special points lie
+    inside their brackets (a fold beyond both ends, as an extremum), at points of the branch, in order; shapes agree.
 
     Parameters
     ----------
@@ -44,16 +44,23 @@ def check_branch(
         assert branch.multipliers is not None
         moduli = np.abs(branch.multipliers)
         assert np.all(np.diff(moduli, axis=1) <= 1e-12 * moduli[:, :1]), "multipliers are not sorted"
-        assert np.array_equal(branch.stable, moduli[:, 0] <= 1.0 + modulus_tol), "stability flags do not recount multipliers"
+        assert np.array_equal(branch.stable, moduli[:, 0] <= 1.0 + modulus_tol), (
+            "stability flags do not recount multipliers"
+        )
     _check_special_points(branch)
 
 
 def _check_residuals(branch: Branch, problem: HarmonicBalance, tol: float) -> None:
-    solutions = [branch.solution(i) for i in range(len(branch))] + [p.solution for p in branch.special_points if p.refined]
-    for solution in solutions:
-        x, values = solution.coefficients.ravel(), problem.values(solution.parameters)
+    solutions = [branch.solution(i) for i in range(len(branch))] + [
+        p.solution for p in branch.special_points if p.refined
+    ]
+    points = [(s.coefficients.ravel(), problem.values(s.parameters)) for s in solutions]
+    sizes = np.array([problem.assembly.term_size(x, values) for x, values in points])
+    # a branch may begin or end at rest, where there are no terms to compare with
+    sizes = np.maximum(sizes, max(1e-9 * sizes.max(), 1e-300))
+    for solution, (x, values), size in zip(solutions, points, sizes, strict=True):
         residual = np.abs(np.array(problem.residual(x, values))).max()
-        assert residual <= tol * max(problem.assembly.term_size(x, values), 1e-300), (
+        assert residual <= tol * size, (
             f"residual {residual:.2e} at {branch.name} = {solution.parameters[branch.name]:g}"
         )
 
@@ -74,4 +81,6 @@ def _check_special_points(branch: Branch) -> None:
     folds = [p.index for p in branch.folds]
     turns = np.flatnonzero(slopes[1:] != slopes[:-1])
     for turn in turns:
-        assert any(turn <= index <= turn + 1 for index in folds), f"the parameter turns at point {turn + 1} without a fold"
+        assert any(turn <= index <= turn + 1 for index in folds), (
+            f"the parameter turns at point {turn + 1} without a fold"
+        )

@@ -107,7 +107,8 @@ def trace(
     except Exception as error:
         branch = tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
         raise TraceError(
-            f"the trace failed after {len(branch)} points, which the attribute 'branch' of this error keeps: {error}", branch
+            f"the trace failed after {len(branch)} points, which the attribute 'branch' of this error keeps: {error}",
+            branch,
         ) from error
     branch = tracer.branch(end)
     observed.finished(branch)

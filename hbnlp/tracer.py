@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 
 import casadi as ca
@@ -51,11 +52,17 @@ class Tracer:
         self.problem = problem
         self.name = name
         self.span = _checked_span(problem, name, span)
+        if stability is not None and not isinstance(stability, Floquet):
+            raise TypeError(f"stability is {stability!r}; Floquet(...), or None for off, is needed")
+        if method is not None and not isinstance(method, PseudoArclength):
+            raise TypeError(f"method is {method!r}; PseudoArclength(...) is needed")
         self.options = method or PseudoArclength()
         self.end: End | None = None
         self._records: list[Traced] = []
         self._resumed = resume
-        self._evaluator = stability and FloquetEvaluator(problem.system, problem.periods, problem.n_harmonics, stability)
+        self._evaluator: FloquetEvaluator | None = None
+        if stability is not None:
+            self._evaluator = FloquetEvaluator(problem.system, problem.periods, problem.n_harmonics, stability)
         self._known: list[tuple[Point, FloquetResult]] = []
         if direction not in (1, -1):
             raise ValueError(f"direction = {direction!r}; 1 (towards the end of the span) or -1 is needed")
@@ -75,7 +82,7 @@ class Tracer:
         self._stepper = Continuation(self._curve, point, self.options)
         self._origin = point
         if resume is not None:
-            self._resume_from(resume, point)
+            self._resume_from(resume)
         else:
             parameters = problem.system.parameters
             if not ca.depends_on(problem.system.force, problem.system.tau):
@@ -188,17 +195,19 @@ class Tracer:
         again = self._stepper.at(before, ahead)
         if again is None or np.linalg.norm((again.y - self._origin.y) / before.scale) > 1e-6:
             return None
-        return again
+        length = float(np.linalg.norm((again.y - before.y) / before.scale))
+        return dataclasses.replace(again, arclength=before.arclength + length)
 
     def _use_more_samples(self, before: Point) -> None:
         """Go back to the point before, with twice the samples of the force."""
         self.problem = self.problem.oversampled()
-        floor, step = self._curve.solution_floor, self._stepper.step
+        floor, step, refused = self._curve.solution_floor, self._stepper.step, self._stepper.refused
         self._curve = self._new_curve()
         self._curve.solution_floor = floor
-        again = finish(self._curve, before.y, before.tangent / before.scale**2, before, self.options.newton)
-        self._stepper = Continuation(self._curve, again or before, self.options)
-        self._stepper.step = step
+        again = finish(self._curve, before.y, before.tangent / before.scale**2, before, self.options.newton) or before
+        again = dataclasses.replace(again, arclength=before.arclength)
+        self._stepper = Continuation(self._curve, again, self.options)
+        self._stepper.step, self._stepper.refused = step, refused
 
     # -- the start --------------------------------------------------------------------------------------------------
 
@@ -223,17 +232,20 @@ class Tracer:
         return ParameterCurve(self.problem, self._values, self.name, 0.01 * abs(self.span[1] - self.span[0]))
 
     def _smallest_solution(self, first: Array) -> float:
-        """Return the size below which changes of the solution are not measured relative to it: traces may begin at rest."""
+        """Return the size below which changes are not measured relative to the solution: a trace may begin at rest."""
         values = self._values.copy()
         values[self.problem.system.parameters.index(self.name)] = np.mean(self.span)
         linear = linear_guess(self.problem, values)
         size = max(float(np.linalg.norm(first[:-1])), float(np.linalg.norm(linear)))
         return max(1e-6 * size, float(np.finfo(float).tiny))
 
-    def _resume_from(self, resume: Branch, last: Point) -> None:
-        if last.residual > RESUMABLE_RESIDUAL:
+    def _resume_from(self, resume: Branch) -> None:
+        last = np.append(resume.coefficients[-1].ravel(), resume.parameter[-1])
+        size = max(self._curve.term_size(last), float(np.finfo(float).tiny))
+        residual = float(np.max(np.abs(self._curve.residual(last)))) / size
+        if residual > RESUMABLE_RESIDUAL:
             raise ValueError(
-                f"the last point of the branch has the residual {last.residual:.1e} in this system, more than "
+                f"the last point of the branch has the residual {residual:.1e} in this system, more than "
                 f"{RESUMABLE_RESIDUAL:.0e}: give the system that the branch was traced with"
             )
         if len(resume) > 1:
@@ -245,13 +257,19 @@ class Tracer:
 
 def _checked_span(problem: HarmonicBalance, name: str, span: tuple[float, float]) -> tuple[float, float]:
     problem.system.parameters.index(name)
-    if len(span) != 2 or not all(np.isfinite(float(end)) for end in span):
-        raise ValueError(f"span = {span!r}; two finite values of {name} are needed, where to begin and where to end")
-    begin, end = float(span[0]), float(span[1])
+    wrong = f"span = {span!r}; two finite values of {name} are needed, where to begin and where to end"
+    try:
+        begin, end = (float(value) for value in span)
+    except (TypeError, ValueError):
+        raise ValueError(wrong) from None
+    if not (np.isfinite(begin) and np.isfinite(end)):
+        raise ValueError(wrong)
     if begin == end:
         raise ValueError(f"span = {span!r} has no length; give two different values of {name}")
     if name == "omega" and min(begin, end) <= 0.0:
-        raise ValueError(f"span = {span!r} reaches omega = 0, where the period is infinite; begin above, for instance at 1e-3")
+        raise ValueError(
+            f"span = {span!r} reaches omega = 0, where the period is infinite; begin above, for instance at 1e-3"
+        )
     return begin, end
 
 
@@ -261,11 +279,14 @@ def _check_resumable(problem: HarmonicBalance, name: str, at: Mapping[str, float
     shape = branch.coefficients.shape[1:]
     if shape != problem.shape or branch.periods != problem.periods:
         raise ValueError(
-            f"the branch has coefficients of shape {shape} and {branch.periods} period(s), the problem {problem.shape} and "
+            f"the branch has coefficients of shape {shape} and {branch.periods} period(s), the problem "
+            f"{problem.shape} and "
             f"{problem.periods}: give a problem of the same system and harmonics"
         )
     if branch.parameter_names != problem.system.parameters.names:
-        raise ValueError(f"the branch has parameters {branch.parameter_names}, the system {problem.system.parameters.names}")
+        raise ValueError(
+            f"the branch has parameters {branch.parameter_names}, the system {problem.system.parameters.names}"
+        )
     for key, value in (at or {}).items():
         if key != name and branch.parameters.get(key) != value:
             raise ValueError(f"parameter {key!r} is {value!r} here but {branch.parameters.get(key)!r} on the branch")

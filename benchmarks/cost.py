@@ -1,0 +1,167 @@
+"""What a point costs: continuation and stability against LAPACK's LU of a matrix of the same size, in one run.
+
+Prints CPU seconds (one BLAS thread) and ratios that hold on noisy machines, because both sides of each are timed in
+turn. Run it from the root of the repository::
+
+    python benchmarks/cost.py            # the table
+    python benchmarks/cost.py --growth   # growth with degrees of freedom, harmonics and lag states as well
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import lapack
+
+import hbnlp
+
+REPEATS = 3
+
+
+def lu_seconds(size: int) -> float:
+    """CPU seconds of one dense LU factorisation and solve by LAPACK (best of 25 batches)."""
+    rng = np.random.default_rng(0)
+    matrix, right = rng.standard_normal((size, size)), rng.standard_normal(size)
+    count = max(3, int(2e7 / size**3))
+    times = []
+    for _ in range(25):
+        begin = time.process_time()
+        for _ in range(count):
+            lu, pivots, _ = lapack.dgetrf(matrix)
+            lapack.dgetrs(lu, pivots, right)
+        times.append((time.process_time() - begin) / count)
+    return float(np.median(times))
+
+
+def measured(run: Callable[[], hbnlp.Branch], size: int) -> tuple[hbnlp.Branch, float, float]:
+    """Return a branch, its CPU seconds and those of one LU, the medians of runs that alternate."""
+    seconds, bound = [], []
+    for _ in range(REPEATS):
+        bound.append(lu_seconds(size))
+        begin = time.process_time()
+        branch = run()
+        seconds.append(time.process_time() - begin)
+    bound.append(lu_seconds(size))
+    return branch, float(np.median(seconds)), float(np.median(bound))
+
+
+def weak_lags(rom: hbnlp.AeroROM, count: int) -> hbnlp.AeroROM:
+    """Return a ROM with as many lag states, those added real, stable and weak."""
+    extra = count - rom.n_lags
+    rng = np.random.default_rng(1)
+    poles = -np.geomspace(0.05, 60.0, extra)
+    return hbnlp.AeroROM(
+        stiffness=rom.stiffness,
+        damping=rom.damping,
+        mass=rom.mass,
+        lag_state=np.block(
+            [[rom.lag_state, np.zeros((rom.n_lags, extra))], [np.zeros((extra, rom.n_lags)), np.diag(poles)]]
+        ),
+        lag_input=np.vstack([rom.lag_input, rng.standard_normal((extra, rom.lag_input.shape[1]))]),
+        lag_output=np.hstack([rom.lag_output, 1e-3 * rng.standard_normal((rom.lag_output.shape[0], extra))]),
+    )
+
+
+def wing(n_modes: int = 10, n_lags: int = 40) -> hbnlp.System:
+    """Return the membrane wing of c_T0 = 4 on inviscid aerodynamics with further weak lags."""
+    rom = weak_lags(hbnlp.aero.thin_airfoil(n_modes=n_modes), n_lags)
+    return hbnlp.membrane_wing(hbnlp.QuasiLinearMembrane(prestrain=0.008, n_modes=n_modes), rom)
+
+
+PITCH = {"pitch_amplitude": np.radians(2.5)}
+
+
+def row(name: str, *cells: str) -> None:
+    print(f"{name:58s}" + "".join(f"{cell:>16s}" for cell in cells), flush=True)
+
+
+def table() -> None:
+    """Print the table."""
+    row("case", "points", "CPU s", "ms a point", "LUs a point")
+
+    def line(name: str, run: Callable[[], hbnlp.Branch], size: int) -> None:
+        branch, seconds, bound = measured(run, size)
+        n = len(branch)
+        row(name, f"{n}", f"{seconds:.2f}", f"{1e3 * seconds / n:.2f}", f"{seconds / n / bound:.1f}")
+
+    chain = hbnlp.HarmonicBalance(hbnlp.systems.chain(10), n_harmonics=7)
+    size = chain.size + 1
+    line(
+        "ten-mass chain, H = 7, 16 folds, no stability",
+        lambda: hbnlp.trace(chain, "omega", (2.5, 0.2), stability=None),
+        size,
+    )
+    line("ten-mass chain, H = 7, with Floquet multipliers", lambda: hbnlp.trace(chain, "omega", (2.5, 0.2)), size)
+    balance = hbnlp.HarmonicBalance(wing(), n_harmonics=7)
+    line(
+        "wing, N = 10, 40 lags, H = 7, omega 0.1 to 60, no stability",
+        lambda: hbnlp.trace(balance, "omega", (0.1, 60.0), at=PITCH, stability=None),
+        balance.size + 1,
+    )
+    for omega in (0.1, 2.0, 20.0):
+        line(
+            f"  the same with Floquet multipliers, omega {omega:g} to {1.2 * omega:g}",
+            lambda omega=omega: hbnlp.trace(
+                balance, "omega", (omega, 1.2 * omega), at=PITCH, method=hbnlp.PseudoArclength(step=0.02, max_step=0.02)
+            ),
+            balance.size + 1,
+        )
+    line(
+        "Duffing, H = 7, both folds, problem built anew",
+        lambda: hbnlp.trace(
+            hbnlp.HarmonicBalance(hbnlp.systems.duffing(), n_harmonics=7), "omega", (0.5, 2.0), stability=None
+        ),
+        16,
+    )
+
+
+def pair(
+    problem: hbnlp.HarmonicBalance, span: tuple[float, float], at: dict[str, float]
+) -> tuple[float, float, float, hbnlp.HarmonicBalance]:
+    """Return CPU seconds a point without and with stability, and those of one LU."""
+    short = hbnlp.PseudoArclength(max_points=60)
+    bare, seconds, bound = measured(
+        lambda: hbnlp.trace(problem, "omega", span, at=at, stability=None, method=short), problem.size + 1
+    )
+    stable, more, _ = measured(lambda: hbnlp.trace(problem, "omega", span, at=at, method=short), problem.size + 1)
+    return seconds / len(bare), more / len(stable), bound, problem
+
+
+def growth() -> None:
+    """Print milliseconds a point against sizes, with the exponent of a fit to the larger half."""
+    for name, values, make in (
+        ("masses, H = 5", (2, 5, 10, 20, 40), lambda n: hbnlp.HarmonicBalance(hbnlp.systems.chain(n), n_harmonics=5)),
+        (
+            "harmonics, 5 masses",
+            (1, 3, 7, 15, 31),
+            lambda h: hbnlp.HarmonicBalance(hbnlp.systems.chain(5), n_harmonics=h),
+        ),
+        (
+            "lag states, wing N = 5, H = 5",
+            (2, 10, 20, 40, 80),
+            lambda m: hbnlp.HarmonicBalance(wing(5, m), n_harmonics=5),
+        ),
+    ):
+        print(f"\ngrowth with {name}")
+        row("value", "unknowns", "no stability ms", "stability ms", "LUs a point")
+        plain, full = [], []
+        at, span = (PITCH, (1.0, 3.0)) if "wing" in name else ({}, (2.4, 1.6))
+        for value in values:
+            bare, stable, bound, problem = pair(make(value), span, at)
+            plain.append(bare)
+            full.append(stable)
+            row(f"{value}", f"{problem.size}", f"{1e3 * bare:.2f}", f"{1e3 * stable:.2f}", f"{bare / bound:.1f}")
+        slopes = [np.polyfit(np.log(values[2:]), np.log(times[2:]), 1)[0] for times in (plain, full)]
+        row("exponent", "", f"{slopes[0]:.2f}", f"{slopes[1]:.2f}")
+
+
+if __name__ == "__main__":
+    table()
+    if "--growth" in sys.argv[1:]:
+        growth()
