@@ -12,6 +12,7 @@ from hbnlp.aero.linear_flow import (  # noqa: E402
     Case,
     LinearResponse,
     MeshSettings,
+    UnsteadyFlowError,
     half_mesh,
     run_campaign,
     slit_mesh,
@@ -149,6 +150,19 @@ def test_a_campaign_is_resumed_without_computing_again(tmp_path, monkeypatch):
     assert np.array_equal(again.values, done.values)
     with pytest.raises(ValueError, match="belongs to the case"):
         run_campaign(path, case=Case(n_modes=2, order=2, mesh=COARSE), omega=[0.5])
+
+
+def test_the_flow_past_the_plate_is_stable_at_zero_incidence(half):
+    values = half.eigenvalues(2.0j)
+    assert values.shape == (4,)
+    assert values.real.max() < -0.1
+
+
+def test_an_unsteady_flow_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(LinearResponse, "eigenvalues", lambda self, near: np.array([near - 0.1, near + 0.2]))
+    with pytest.raises(UnsteadyFlowError, match="Lower the Reynolds number") as error:
+        run_campaign(tmp_path / "g.npz", case=Case(n_modes=0, order=2, mesh=COARSE), omega=[1.0])
+    assert error.value.eigenvalue == 0.2 + 1.0j
 
 
 def test_a_campaign_estimates_its_error(tmp_path):

@@ -20,6 +20,7 @@ from hbnlp.aero.linear_flow.direct import solver_name
 from hbnlp.aero.linear_flow.extra import require_ngsolve
 from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
 from hbnlp.aero.linear_flow.response import LinearResponse
+from hbnlp.errors import HbnlpError
 from hbnlp.storage import load_arrays, save_arrays
 
 logger = logging.getLogger(__name__)
@@ -29,7 +30,16 @@ EQUATIONS = (
     "Taylor-Hood elements on triangles, loads by the reaction of the plate"
 )
 Progress = Callable[[Iterable[float]], Iterable[float]]
+SHEDDING = (1.0j, 3.0j, 6.0j)
 _PART = "finished frequency of a campaign"
+
+
+class UnsteadyFlowError(HbnlpError):
+    """The steady flow is unstable; ``eigenvalue`` says how."""
+
+    def __init__(self, message: str, eigenvalue: complex) -> None:
+        super().__init__(message)
+        self.eigenvalue = eigenvalue
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +127,8 @@ def run_campaign(
     ------
     ValueError
         If a frequency is not positive, a probe is not among them, or the folder belongs to another case.
+    UnsteadyFlowError
+        If the steady flow is unstable; seen are eigenvalues near the frequencies of vortex shedding, `SHEDDING`.
     ImportError
         If NGSolve is not installed.
     """
@@ -168,7 +180,9 @@ def _compute(
     missing = [w for w in wanted if not _part(folder, w).exists()]
     if missing:
         response = case.response()
+        least_stable = _least_stable(response, case)
         facts = {
+            "least_stable": [least_stable.real, least_stable.imag],
             "drag": response.drag,
             "base_load": response.base_load.tolist(),
             "unknowns": response.unknowns,
@@ -180,6 +194,19 @@ def _compute(
             save_arrays(_part(folder, w), _PART, {"transfer": response.transfer(1j * w)}, {"omega": w})
     parts = [load_arrays(_part(folder, w), _PART)[0]["transfer"] for w in wanted]
     return np.array(parts), json.loads((folder / "facts.json").read_text())
+
+
+def _least_stable(response: LinearResponse, case: Case) -> complex:
+    """Return the rightmost eigenvalue of the flow among those near the frequencies of vortex shedding."""
+    values = np.concatenate([response.eigenvalues(shift) for shift in SHEDDING])
+    rightmost = complex(values[values.real.argmax()])
+    if rightmost.real >= 0.0:
+        raise UnsteadyFlowError(
+            f"the steady flow at Re = {case.reynolds:g}, incidence {case.incidence:g} rad is unstable: it has the "
+            f"eigenvalue {rightmost:.4g}. Lower the Reynolds number or the incidence",
+            rightmost,
+        )
+    return rightmost
 
 
 def _check_same_case(file: Path, case: Case) -> None:

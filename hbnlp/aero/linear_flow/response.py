@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, eigs
 
 from hbnlp.aero.linear_flow import loads
 from hbnlp.aero.linear_flow.base_flow import BaseFlow
@@ -48,6 +49,23 @@ class LinearResponse:
     def unknowns(self) -> int:
         """Number of free unknowns."""
         return len(self._matrices.free)
+
+    def eigenvalues(self, near: complex, *, count: int = 4) -> NDArray[np.complex128]:
+        """Return the eigenvalues s of the flow that lie nearest to a point, (count,), by shift and invert.
+
+        A positive real part means that the steady flow is not what the fluid does: it sheds vortices, and the linear
+        response about it is of no use. Shedding has |Im s| of some 1 to 10. On a half mesh only motions that are odd
+        about the plate are seen, as shedding is.
+        """
+        m, free = self._matrices, self._matrices.free
+        mass = m.mass[free][:, free].tocsr()
+        with factorise((m.stiffness + near * m.mass).tocsr()[free][:, free].astype(complex)) as factors:
+            inverse = LinearOperator(
+                mass.shape, matvec=lambda x: factors.solve(mass @ x.astype(complex)), dtype=complex
+            )
+            start = np.ones(len(free), dtype=complex)
+            values = eigs(inverse, k=count, v0=start, return_eigenvectors=False)
+        return np.asarray(near - 1.0 / values, dtype=complex)
 
     def transfer(self, s: complex) -> NDArray[np.complex128]:
         """Return G(s), (N+1, N+2), loads per motion exp(s t); real and exact for s = 0."""
