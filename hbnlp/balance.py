@@ -34,9 +34,9 @@ class HarmonicBalance:
         Length of the solution in periods of the forcing: 2 for a period-doubled one; the harmonics are then those of
         omega / periods.
     n_samples : int, optional
-        Samples a solution period for the nonlinear force. By default exact for a polynomial force, (d + 1) H + 1;
-        otherwise a start that `hbnlp.solve` and `hbnlp.trace` double until the residual moves by less than the
-        tolerance.
+        Samples a solution period for the nonlinear force, taken as given. By default exact for a polynomial force,
+        (d + 1) H + 1; otherwise a start that `hbnlp.solve` and `hbnlp.trace` double until the residual moves by less
+        than the tolerance.
 
     Attributes
     ----------
@@ -66,10 +66,10 @@ class HarmonicBalance:
         self.system = system
         self.n_harmonics = int(n_harmonics)
         self.periods = int(periods)
-        self.samples_are_exact = False
+        self.samples_are_settled = n_samples is not None
         if n_samples is None:
             degree = polynomial_degree(system)
-            self.samples_are_exact = degree is not None
+            self.samples_are_settled = degree is not None
             n_samples = sufficient_samples(self.n_harmonics, degree)
         self.basis = FourierBasis(self.n_harmonics, int(n_samples))
         self.shape = (system.n_dof, n_coefficients(self.n_harmonics))
@@ -100,7 +100,9 @@ class HarmonicBalance:
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
                 "it is not smooth enough for this tolerance; smooth it or pass n_samples"
             )
-        return HarmonicBalance(self.system, self.n_harmonics, periods=self.periods, n_samples=2 * self.n_samples)
+        finer = HarmonicBalance(self.system, self.n_harmonics, periods=self.periods, n_samples=2 * self.n_samples)
+        finer.samples_are_settled = False
+        return finer
 
     def vector(self, coefficients: ArrayLike) -> Array:
         """Return coefficients (n, any odd number), cut or padded to 2H+1, as a vector of unknowns."""
@@ -256,8 +258,8 @@ class HarmonicBalance:
 
     def __repr__(self) -> str:
         period = f", {self.periods} forcing periods" if self.periods > 1 else ""
-        exact = "exact" if self.samples_are_exact else "to be checked"
+        settled = "settled" if self.samples_are_settled else "doubled where they do not suffice"
         return (
             f"HarmonicBalance of {self.system.name!r}: {self.n_harmonics} harmonics{period}, {self.size} unknowns\n"
-            f"  {self.n_samples} samples a period ({exact})"
+            f"  {self.n_samples} samples a period ({settled})"
         )

@@ -19,6 +19,10 @@ from scipy.optimize import brentq
 from hbnlp.fourier import Array
 from hbnlp.newton import Bordered, Curve, Newton, correct
 
+SUSPICIOUS_LENGTH = 2e-3
+"""Steps longer than this are looked at for a pair of branch points within them."""
+SECANT = 1e-6
+"""Length of the secant in the search for a branch point."""
 MANY_ITERATIONS = 6
 """A corrector that takes more asks for a smaller step."""
 
@@ -129,6 +133,7 @@ class Continuation:
         self.options = options
         self.step = options.step
         self.refused = 0
+        self._before: Point | None = None
         self._bend: Array = np.zeros_like(start.y)
 
     def __iter__(self) -> Iterator[Point]:
@@ -148,6 +153,7 @@ class Continuation:
                 if accepted is not None:
                     self._adapt(angle, accepted.iterations)
                     self._bend = _bend(self.point, accepted)
+                    self._before = dataclasses.replace(self.point, factors=None)
                     self.point = accepted
                     return accepted
                 reason = Stop.JUMP
@@ -200,12 +206,32 @@ class Continuation:
         if angle > 2.0 * limit or aside > 0.3 * angle + 0.02:
             return None, angle
         branch_point = None
-        if trial.orientation != base.orientation:
+        if trial.orientation == base.orientation:
+            if length > SUSPICIOUS_LENGTH and self._dips(trial, length):
+                return None, angle
+        else:
             branch_point = self._locate_branch_point(base, trial)
             if branch_point is None:
                 return None, angle
         arclength = base.arclength + length
         return dataclasses.replace(trial, arclength=arclength, branch_point=branch_point), angle
+
+    def _dips(self, trial: Point, length: float) -> bool:
+        """Return whether the determinant may have passed through zero twice: a parabola through three points says so."""
+        if self._before is None:
+            return False
+        base, before = self.point, self._before
+        back = base.arclength - before.arclength
+        earlier = (
+            before.orientation * base.orientation * np.exp(min(before.log_determinant - base.log_determinant, 50.0))
+        )
+        later = np.exp(min(trial.log_determinant - base.log_determinant, 50.0))
+        slopes = (1.0 - earlier) / back, (later - 1.0) / length
+        curvature = (slopes[1] - slopes[0]) / (back + length)
+        slope = slopes[0] + curvature * back
+        if curvature <= 0.0 or not 0.0 < -slope < 2.0 * curvature * length:
+            return False
+        return bool(1.0 - 0.25 * slope**2 / curvature < 0.2 * min(1.0, later))
 
     def _adapt(self, angle: float, iterations: int) -> None:
         factor = np.radians(self.options.angle) / max(angle, 1e-12)
@@ -223,7 +249,7 @@ class Continuation:
         located = locate(self, base, trial, test, tol=1e-5)
         if located is None:
             return None
-        return _at_branch_point(self.curve, located)
+        return _at_branch_point(self.curve, located, 0.01 * float(np.linalg.norm((trial.y - base.y) / base.scale)))
 
 
 def locate(
@@ -325,24 +351,41 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
     )
 
 
-def _at_branch_point(curve: Curve, near: Point) -> BranchPoint | None:
+def _at_branch_point(curve: Curve, near: Point, reach: float) -> BranchPoint | None:
     """Return the branch point next to a point on a curve, and its second null vector.
 
-    There the matrix [J; tangent] is singular, and nearly so at the point: inverse iteration gives the vector that it
-    annuls, and Newton steps without a part along that vector put the point onto the curve.
+    There A = [J; tangent] is singular. With its left and right null vectors w and v, by inverse iteration, w.A v is zero
+    at the branch point and regular along the curve: a secant step along the tangent finds its zero. Newton steps
+    without a part along v put the point back onto the curve. None is returned if it strays farther than ``reach``.
     """
-    y, row = near.y, near.tangent / near.scale**2
-    null = np.ones(y.size) * near.scale
-    for _ in range(2):
+    y, scale, row = near.y, near.scale, near.tangent / near.scale**2
+    right, left = scale.copy(), np.ones(y.size)
+    for _ in range(4):
         factors = Bordered.at(curve, y, row)
         if factors.singular:
             return None
         for _ in range(2):
-            null = factors.solve(null / near.scale)
-            null /= np.linalg.norm(null / near.scale)
+            right = factors.solve(right / scale)
+            right /= np.linalg.norm(right / scale)
+            left = factors.solve_transposed(left)
+            left /= np.linalg.norm(left)
         step = factors.solve(np.append(curve.residual(y), 0.0))
-        y = y - (step - null * float((null / near.scale) @ (step / near.scale)))
-    return BranchPoint(point=dataclasses.replace(near, y=y), null=null)
+        y = y - (step - right * float((right / scale) @ (step / scale)))
+        here, ahead = (_product(curve, y + d * near.tangent, row, left, right) for d in (0.0, SECANT))
+        shift = SECANT * here / (ahead - here) if here != ahead else 0.0
+        if abs(shift) > reach:
+            break
+        y = y - shift * near.tangent
+    if float(np.linalg.norm((y - near.y) / scale)) > 2.0 * reach:
+        return None
+    return BranchPoint(point=dataclasses.replace(near, y=y), null=right)
+
+
+def _product(curve: Curve, y: Array, row: Array, left: Array, right: Array) -> float:
+    """Return w.A v for A = [J; row] at y."""
+    jacobian = np.zeros((y.size - 1, y.size))
+    curve.jacobian(y, jacobian)
+    return float(left[:-1] @ (jacobian @ right) + left[-1] * (row @ right))
 
 
 def _bend(before: Point, after: Point) -> Array:

@@ -48,9 +48,10 @@ def locate_peak(
     x0 = problem.vector(near.coefficients)
     free = ca.MX.sym("free")
     symbols = ca.vertcat(*(free if i == position else problem.p[i] for i in range(values.size)))
+    squared = problem.amplitude_squared(output, harmonic)
     size = max(float(np.abs(near.harmonics(output)[harmonic])), np.finfo(float).tiny)
     terms = max(problem.assembly.term_size(x0, values), np.finfo(float).tiny)
-    amplitude = ca.substitute(problem.amplitude_squared(output, harmonic), problem.p, symbols)
+    amplitude = ca.substitute(squared, problem.p, symbols)
     program = {
         "x": ca.vertcat(problem.x, free),
         "p": problem.p,
@@ -99,6 +100,8 @@ def peaks(
     problem = problem or branch.problem
     if problem is None:
         raise ValueError("this branch was loaded from a file; pass the problem that it was traced with, problem=...")
+    if not 1 <= harmonic <= branch.n_harmonics:
+        raise ValueError(f"harmonic = {harmonic}; 1 to {branch.n_harmonics} are retained")
     amplitude = np.abs(branch.harmonics(output)[:, harmonic])
     tops = 1 + np.flatnonzero((amplitude[1:-1] >= amplitude[:-2]) & (amplitude[1:-1] > amplitude[2:]))
     return [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
 from hbnlp.system import System
 
@@ -14,30 +13,56 @@ MOST_SAMPLES = 8192
 def polynomial_degree(system: System) -> int | None:
     """Return the degree of the force as a polynomial in (q, q'), or None if it is no polynomial or depends on tau.
 
-    The force is evaluated along random lines at two scales and expanded in Chebyshev polynomials: what is smooth but no
-    polynomial has coefficients beyond the highest degree tried (9), and so has what is not smooth.
+    The degree is carried through the operations of the force one by one, so that it holds whatever the units and the
+    parameter values: an upper bound (at least 1), exact unless terms cancel. Degrees above 9 count as no polynomial.
     """
-    if not system.is_nonlinear:
-        return 1
-    if ca.depends_on(system.force, system.tau):
+    arguments = [system.q, system.v, system.tau, system.p]
+    force = ca.Function("force", arguments, [ca.densify(system.force)])
+    degrees: dict[int, int | None] = {}
+    constants: dict[int, float] = {}
+    highest = 1
+    for k in range(force.n_instructions()):
+        operation = force.instruction_id(k)
+        inputs, outputs = force.instruction_input(k), force.instruction_output(k)
+        if operation == ca.OP_OUTPUT:
+            degree = degrees[inputs[0]]
+            if degree is None:
+                return None
+            highest = max(highest, degree)
+            continue
+        target = outputs[0]
+        constants.pop(target, None)
+        if operation == ca.OP_CONST:
+            degrees[target], constants[target] = 0, force.instruction_constant(k)
+        elif operation == ca.OP_INPUT:
+            # inputs 0 and 1 are q and q', 2 is tau, 3 the parameters
+            degrees[target] = (1, 1, None, 0)[inputs[0]]
+        else:
+            exponent = constants.get(inputs[1]) if len(inputs) > 1 else None
+            degrees[target] = _degree(operation, [degrees[i] for i in inputs], exponent)
+    return highest if highest <= HIGHEST_DEGREE else None
+
+
+def _degree(operation: int, degrees: list[int | None], exponent: float | None) -> int | None:
+    """Return the degree of the result of one operation, None where that is no polynomial."""
+    known = [degree for degree in degrees if degree is not None]
+    if len(known) < len(degrees):
         return None
-    rng = np.random.default_rng(20080)
-    n_nodes = 4 * HIGHEST_DEGREE
-    nodes = np.cos(np.pi * (np.arange(n_nodes) + 0.5) / n_nodes)
-    defaults = np.array(list(system.parameters.defaults.values()))
-    unset = ~np.isfinite(defaults) | (defaults == 0.0)
-    force = ca.Function("force", [system.q, system.v, system.p], [ca.densify(system.force)])
-    degree = 0
-    for scale in (1.0, 30.0):
-        values = np.where(unset, 1.0, defaults) * rng.uniform(0.8, 1.2, defaults.size)
-        q, v, q0, v0 = rng.uniform(-1.0, 1.0, (4, system.n_dof, 1))
-        samples = np.array(force(scale * (q0 + q * nodes), scale * (v0 + v * nodes), np.tile(values[:, None], n_nodes)))
-        if not np.all(np.isfinite(samples)):
-            return None
-        expansion = np.polynomial.chebyshev.chebfit(nodes, samples.T, n_nodes - 1)
-        size = np.abs(expansion).max(axis=1)
-        degree = max(degree, int(np.flatnonzero(size > 1e-11 * size.max()).max(initial=0)))
-    return degree if degree <= HIGHEST_DEGREE else None
+    first, last = (known[0], known[-1]) if known else (0, 0)
+    power = int(exponent) if exponent is not None and exponent >= 0.0 and exponent == int(exponent) else None
+    if max(known, default=0) == 0:
+        degree: int | None = 0
+    elif operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE, ca.OP_ASSIGN):
+        degree = max(known)
+    elif operation == ca.OP_MUL:
+        degree = first + last
+    elif operation == ca.OP_SQ:
+        degree = 2 * first
+    elif operation in (ca.OP_CONSTPOW, ca.OP_POW) and power is not None:
+        degree = power * first
+    else:
+        degree = first if operation == ca.OP_DIV and last == 0 else None
+    return degree
 
 
 def sufficient_samples(n_harmonics: int, degree: int | None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -189,8 +190,11 @@ def _cold(problem: HarmonicBalance, values: Array, method: Method) -> Solution:
         grown = from_rest(problem, values, method)
         if grown is not None:
             solution = attempt(problem, values, grown, method, start="growing load")
-    if not solution.converged:
-        solution = attempt(problem, values, linear, Ipopt(), start="linear response")
+    # at a resonance without damping the linear response says nothing: begin away from rest as well
+    load = float(np.max(np.abs(problem.assembly.load_derivative(values))))
+    for guess, start in ((linear, "linear response"), (linear + load, "a shifted linear response")):
+        if not solution.converged:
+            solution = attempt(problem, values, guess, Ipopt(), start=start)
     return solution
 
 
@@ -204,14 +208,16 @@ def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array 
         return None
     linear = linear_guess(problem, values)
     curve.solution_floor = max(1e-3 * float(np.linalg.norm(linear)), curve.solution_floor)
-    walk = Continuation(curve, start_point(curve, rest.y, full), PseudoArclength(max_points=2000))
-    try:
-        for _ in range(walk.options.max_points):
-            if walk.advance((-1.0, 1.0)).parameter in (-1.0, 1.0):
-                break
-    except StopContinuation:
-        return None
-    return walk.point.y[:-1] if walk.point.parameter == 1.0 else None
+    # at a linear resonance the curve leaves rest without a slope in the load: either way may be the one that grows
+    for toward in (full, -start_point(curve, rest.y, full).tangent):
+        walk = Continuation(curve, start_point(curve, rest.y, toward), PseudoArclength(max_points=2000))
+        with contextlib.suppress(StopContinuation):
+            for _ in range(walk.options.max_points):
+                if walk.advance((-1.0, 1.0)).parameter in (-1.0, 1.0):
+                    break
+        if walk.point.parameter == 1.0:
+            return walk.point.y[:-1]
+    return None
 
 
 def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Method, *, start: str) -> Solution:
@@ -234,7 +240,7 @@ def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Metho
 
 def samples_suffice(problem: HarmonicBalance, x: Array, values: Array) -> bool:
     """Return whether twice the samples of the force leave the residual at a solution within the aliasing tolerance."""
-    if problem.samples_are_exact:
+    if problem.samples_are_settled:
         return True
     fine, coarse = (each.assembly.residual(x, values) for each in (problem.oversampled(), problem))
     moved = float(np.max(np.abs(fine - coarse)))

@@ -504,5 +504,5 @@ def test_the_repr_says_size_samples_and_whether_they_are_exact():
     text = repr(HarmonicBalance(duffing(), 3, periods=2))
     assert text.splitlines() == [
         "HarmonicBalance of 'Duffing oscillator': 3 harmonics, 2 forcing periods, 7 unknowns",
-        "  13 samples a period (exact)",
+        "  13 samples a period (settled)",
     ]
