@@ -217,7 +217,7 @@ class Continuation:
         return dataclasses.replace(trial, arclength=arclength, branch_point=branch_point), angle
 
     def _dips(self, trial: Point, length: float) -> bool:
-        """Return whether the determinant may have passed through zero twice: a parabola through three points says so."""
+        """Return whether the determinant may have been zero twice on the way: a parabola through three points says so."""
         if self._before is None:
             return False
         base, before = self.point, self._before
