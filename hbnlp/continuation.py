@@ -217,7 +217,7 @@ class Continuation:
         return dataclasses.replace(trial, arclength=arclength, branch_point=branch_point), angle
 
     def _dips(self, trial: Point, length: float) -> bool:
-        """Return whether the determinant may have been zero twice on the way: a parabola through three points says so."""
+        """Return whether the determinant may have been zero twice on the way, by a parabola through three points."""
         if self._before is None:
             return False
         base, before = self.point, self._before
@@ -354,9 +354,9 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
 def _at_branch_point(curve: Curve, near: Point, reach: float) -> BranchPoint | None:
     """Return the branch point next to a point on a curve, and its second null vector.
 
-    There A = [J; tangent] is singular. With its left and right null vectors w and v, by inverse iteration, w.A v is zero
-    at the branch point and regular along the curve: a secant step along the tangent finds its zero. Newton steps
-    without a part along v put the point back onto the curve. None is returned if it strays farther than ``reach``.
+    There A = [J; tangent] is singular. With its left and right null vectors w and v, by inverse iteration, w.A v
+    is zero at the branch point and regular along the curve: a secant step along the tangent finds its zero. Newton
+    steps without a part along v put the point back onto the curve. None is returned if it strays beyond ``reach``.
     """
     y, scale, row = near.y, near.scale, near.tangent / near.scale**2
     right, left = scale.copy(), np.ones(y.size)
