@@ -1,0 +1,199 @@
+"""Implicit diffusion and the Poisson equation on nested grids, by fast sine transforms.
+
+On every level, from the coarsest inwards, with boundary values interpolated from the level outside,
+
+    (1 - nu dt / 2 Lap) gamma = rhs,        - Lap psi = gamma + m
+
+are solved together in the space of sine coefficients, so that a step needs one transform forwards and two backwards a level instead of the
+eight of solving them one after another. What a coarse level needs of the region that a finer one covers is restricted right-hand side: the
+restriction keeps circulation and its first moments.
+
+References
+----------
+Colonius and Taira (2008), doi:10.1016/j.cma.2007.08.014.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+
+from hbnlp.dns._types import Array
+from hbnlp.dns.grid import Grid
+from hbnlp.dns.stencils import laplacian
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Boundary values of a level: sides of shape (2, ny + 1), left and right; ends of shape (nx + 1, 2), bottom and top."""
+
+    sides: Array
+    ends: Array
+
+    def write(self, field: Array) -> None:
+        """Write the values into the border of a node field of shape (nx + 1, ny + 1)."""
+        field[[0, -1], :] = self.sides
+        field[:, [0, -1]] = self.ends
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Sine coefficients of vorticity and streamfunction, shape (levels, nx - 1, ny - 1), with each level's boundary values."""
+
+    gamma: Array
+    psi: Array
+    gamma_edges: list[Edges]
+    psi_edges: list[Edges]
+
+
+def sine_matrix(size: int) -> Array:
+    """Orthonormal symmetric matrix of the sine transform of type I, shape (size, size)."""
+    return np.asarray(scipy.fft.dst(np.eye(size), type=1, norm="ortho", axis=0))
+
+
+def sine_transform(field: Array) -> Array:
+    """Two-dimensional sine transform of interior node values, its own inverse; transforms the last two axes."""
+    return np.asarray(scipy.fft.dstn(field, type=1, norm="ortho", axes=(-2, -1)))
+
+
+class NestedSolver:
+    """Linear solves of one time step on nested grids.
+
+    Parameters
+    ----------
+    grid : Grid
+        The nested grids.
+    diffusion : float
+        nu dt, in chords squared.
+    """
+
+    def __init__(self, grid: Grid, diffusion: float) -> None:
+        self.grid = grid
+        nx, ny = grid.shape
+        self.sx, self.sy = sine_matrix(nx - 1), sine_matrix(ny - 1)
+        symbol_x = 4.0 * np.sin(0.5 * np.pi * np.arange(1, nx) / nx) ** 2
+        symbol_y = 4.0 * np.sin(0.5 * np.pi * np.arange(1, ny) / ny) ** 2
+        symbol = symbol_x[:, None] + symbol_y[None, :]
+        self._kappa = 0.5 * diffusion / grid.cells() ** 2
+        self._cell2 = grid.cells() ** 2
+        self._inverse_helmholtz = 1.0 / (1.0 + self._kappa[:, None, None] * symbol)
+        self._inverse_poisson = self._cell2[:, None, None] / symbol
+        self._to_finer = (_cubic_interpolation(nx)[:, 1:-1] @ self.sx, _cubic_interpolation(ny)[:, 1:-1] @ self.sy)
+        self._weights = (_restriction_weights(nx), _restriction_weights(ny))
+        self._overlap = (_overlap(nx), _overlap(ny))
+        self._log_distance = self._outer_log_distance()
+
+    def solve(self, rhs_hat: Array, metric_hat: Array | None = None, circulation: float = 0.0) -> Solution:
+        """Solve both equations on all levels.
+
+        Parameters
+        ----------
+        rhs_hat : ndarray of shape (levels, nx - 1, ny - 1)
+            Sine coefficients of the Helmholtz right-hand sides, without boundary terms.
+        metric_hat : ndarray of shape (nx - 1, ny - 1), optional
+            Sine coefficients of the source m on level 0.
+        circulation : float
+            Total circulation, for the point-vortex far field on the outermost boundary.
+        """
+        levels = self.grid.levels
+        gamma, psi = np.empty_like(rhs_hat), np.empty_like(rhs_hat)
+        nx, ny = self.grid.shape
+        gamma_edges = Edges(np.zeros((2, ny + 1)), np.zeros((nx + 1, 2)))
+        strength = -circulation / (2.0 * np.pi)
+        psi_edges = Edges(strength * self._log_distance.sides, strength * self._log_distance.ends)
+        all_gamma_edges, all_psi_edges = [gamma_edges], [psi_edges]
+        for level in range(levels - 1, -1, -1):
+            if level < levels - 1:
+                gamma_edges, psi_edges = self._edges_inside(gamma[level + 1]), self._edges_inside(psi[level + 1])
+                all_gamma_edges.insert(0, gamma_edges)
+                all_psi_edges.insert(0, psi_edges)
+            source = self._edge_source(gamma_edges)
+            source *= self._kappa[level]
+            source += rhs_hat[level]
+            np.multiply(source, self._inverse_helmholtz[level], out=gamma[level])
+            source = self._edge_source(psi_edges)
+            source /= self._cell2[level]
+            source += gamma[level]
+            if level == 0 and metric_hat is not None:
+                source += metric_hat
+            np.multiply(source, self._inverse_poisson[level], out=psi[level])
+        return Solution(gamma, psi, all_gamma_edges, all_psi_edges)
+
+    def to_nodes(self, coefficients: Array, edges: list[Edges]) -> Array:
+        """Node values with borders, shape (levels, nx + 1, ny + 1), from sine coefficients and boundary values."""
+        nx, ny = self.grid.shape
+        field = np.empty((coefficients.shape[0], nx + 1, ny + 1))
+        field[:, 1:-1, 1:-1] = sine_transform(coefficients)
+        for level, edge in enumerate(edges[: coefficients.shape[0]]):
+            edge.write(field[level])
+        return field
+
+    def restrict(self, fine: Array, coarse: Array) -> None:
+        """Overwrite the covered part of a coarse level by the restriction of the level inside it; both are interior node values."""
+        (cx, fx), (cy, fy) = self._overlap
+        half = np.zeros((cx.stop - cx.start, fine.shape[1]))
+        for k, weight in enumerate(self._weights[0]):
+            half += weight * fine[fx + k : fx + k + 2 * half.shape[0] - 1 : 2, :]
+        count = cy.stop - cy.start
+        covered = coarse[cx, cy]
+        covered[...] = 0.0
+        for k, weight in enumerate(self._weights[1]):
+            covered += weight * half[:, fy + k : fy + k + 2 * count - 1 : 2]
+
+    def restrict_all(self, fields: Array) -> None:
+        """Restrict interior node values of shape (levels, nx - 1, ny - 1) from every level to the next, in place."""
+        for level in range(self.grid.levels - 1):
+            self.restrict(fields[level], fields[level + 1])
+
+    def helmholtz(self, field: Array, level: int) -> Array:
+        """Apply 1 - nu dt / 2 Lap to interior node values that vanish near the boundary."""
+        padded = np.pad(field, 1)
+        return field - (self._kappa[level] * self._cell2[level]) * laplacian(padded, self.grid.cell(level))
+
+    def _edges_inside(self, coefficients: Array) -> Edges:
+        to_x, to_y = self._to_finer
+        return Edges((to_x[[0, -1]] @ coefficients) @ to_y.T, to_x @ (coefficients @ to_y[[0, -1]].T))
+
+    def _edge_source(self, edges: Edges) -> Array:
+        source: Array = self.sx[:, [0, -1]] @ (edges.sides[:, 1:-1] @ self.sy)
+        source += (self.sx @ edges.ends[1:-1, :]) @ self.sy[[0, -1], :]
+        return source
+
+    def _outer_log_distance(self) -> Edges:
+        x, y = self.grid.nodes(self.grid.levels - 1)
+        x, y = x - x.mean(), y - y.mean()
+        scale = max(x[-1], y[-1])
+        return Edges(
+            np.log(np.hypot(x[[0, -1], None], y[None, :]) / scale), np.log(np.hypot(x[:, None], y[None, [0, -1]]) / scale)
+        )
+
+
+def _cubic_interpolation(cells: int) -> Array:
+    """Four-point Lagrange interpolation along one direction from the nodes of a level to those of the level inside it."""
+    positions = 0.5 * (np.arange(cells + 1) - 0.5 * cells) + 0.5 * cells
+    matrix = np.zeros((cells + 1, cells + 1))
+    for row, position in enumerate(positions):
+        first = int(np.floor(position)) - 1
+        offsets = np.arange(4)
+        for k in offsets:
+            others = offsets[offsets != k]
+            matrix[row, first + k] = np.prod((position - first - others) / (k - others))
+    return matrix
+
+
+def _restriction_weights(cells: int) -> tuple[float, ...]:
+    # shares of the fine circulation by linear weighting; an odd number of cells staggers the nodes of successive levels
+    return (0.25, 0.5, 0.25) if cells % 2 == 0 else (0.125, 0.375, 0.375, 0.125)
+
+
+def _overlap(cells: int) -> tuple[slice, int]:
+    """Covered interior nodes of the coarse level, and the first fine interior node of the first stencil."""
+    reach = len(_restriction_weights(cells))
+    coarse = np.arange(1, cells)
+    # twice the fine node index, an integer also where the nodes are staggered
+    first = (4 * coarse - cells - (reach - 1)) // 2
+    inside = (first >= 1) & (first + reach - 1 <= cells - 1)
+    index = np.flatnonzero(inside)
+    return slice(int(index[0]), int(index[-1]) + 1), int(first[index[0]]) - 1
