@@ -51,7 +51,7 @@ class Simulation:
     reynolds : float
         U c / nu.
     dt : float, optional
-        Time step in c/U; default 0.4 of the cell size.
+        Time step in c/U; default 0.3 of the cell size.
     motion : Motion, optional
         Pitch and heave of the frame that carries grid and body.
     stream : float
@@ -80,7 +80,7 @@ class Simulation:
     ) -> None:
         if not (math.isfinite(reynolds) and reynolds > 0.0):
             raise ValueError(f"reynolds is {reynolds}; it must be positive and finite")
-        step = 0.4 * grid.spacing if dt is None else dt
+        step = 0.3 * grid.spacing if dt is None else dt
         if not (math.isfinite(step) and step > 0.0):
             raise ValueError(f"dt is {dt}; it must be positive and finite")
         if sweeps < 1:

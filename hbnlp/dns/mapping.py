@@ -93,15 +93,15 @@ class PlateMap:
     Raises
     ------
     ValueError
-        If the fine box leaves less than a quarter chord around the plate, or the grid has fewer than four cells to the shortest half wave.
+        If the fine box leaves less than a quarter chord around the plate, or the grid has fewer than 2.5 cells to the shortest half wave.
     """
 
     def __init__(self, grid: Grid, n_modes: int) -> None:
         x, y = grid.nodes()
         h = grid.spacing
-        if n_modes < 1 or n_modes * h > 0.25 + 1e-12:
+        if n_modes < 1 or n_modes * h > 0.4 + 1e-12:
             raise ValueError(
-                f"{n_modes} sine modes on a plate of {round(1 / h)} cells: between 1 and {int(0.25 / h)} (four cells a half wave) are accepted"
+                f"{n_modes} sine modes on a plate of {round(1 / h)} cells: between 1 and {int(0.4 / h)} (2.5 cells a half wave) are accepted"
             )
         # the map ends two cells before the border, where the coarser level takes over
         room = [-x[0] - 3 * h, x[-1] - 1.0 - 3 * h, min(-y[0], y[-1]) - 3 * h]
