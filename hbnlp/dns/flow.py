@@ -127,9 +127,17 @@ class Simulation:
     def vorticity(self) -> Array:
         """Vorticity on the nodes of all levels, shape (levels, nx + 1, ny + 1)."""
         omega = self.gamma.copy()
-        if self._metric is not None and isinstance(self.wall, PlateWall) and self.wall.map is not None:
-            omega[0][self.wall.map.window] /= self._metric.jacobian
+        if self._metric is not None:
+            omega[0][self._map_window()] /= self._metric.jacobian
         return omega
+
+    def node_ordinates(self) -> Array:
+        """Ordinates of the level-0 nodes in the frame, shape (nx + 1, ny + 1), moved with a deflected plate."""
+        x, y = self.grid.nodes()
+        ordinates = np.tile(y, (x.size, 1))
+        if self._metric is not None:
+            ordinates[self._map_window()] += self._metric.eta
+        return ordinates
 
     def run(self, until: float, *, callback: Callback | None = None) -> History:
         """Step up to a time, calling ``callback(self)`` after each step.
@@ -193,6 +201,54 @@ class Simulation:
         self.steps += 1
         self._records.append(self._record(reaction))
         wall.accept()
+
+    def state(self) -> dict[str, Array]:
+        """Everything a restart needs, as arrays."""
+        grid = self.grid
+        arrays = {
+            "grid": np.array([grid.spacing, *grid.shape, *grid.corner, grid.levels], dtype=float),
+            "clock": np.array([self._start, self.steps, self.dt]),
+            "reynolds": np.array(self.reynolds),
+            "psi": self.psi,
+            "gamma": self.gamma,
+            "psi_before": self._psi_before,
+            "convection": np.zeros(0) if self._convection is None else self._convection,
+        }
+        return arrays | {f"wall_{name}": value for name, value in self.wall.state().items()}
+
+    def restore(self, arrays: dict[str, Array]) -> None:
+        """Continue from a state that `state` returned.
+
+        With the same dt and body the run continues bit for bit; with another body (say a plate that starts to move from steady flow) or another
+        dt it starts afresh from the saved flow at the saved time.
+
+        Raises
+        ------
+        ValueError
+            If the state lacks something or belongs to another grid.
+        """
+        mine = self.state()
+        missing = {name for name in mine if not name.startswith("wall_")} - arrays.keys()
+        if missing:
+            raise ValueError(f"the state lacks {sorted(missing)}; it must come from Simulation.state or dns.save_state")
+        if not np.array_equal(arrays["grid"], mine["grid"]):
+            raise ValueError(
+                f"the state belongs to a grid with (h, nx, ny, x0, y0, levels) = {arrays['grid'].tolist()}, this one has "
+                f"{mine['grid'].tolist()}; build the simulation with the grid of the state"
+            )
+        if arrays["reynolds"] != self.reynolds:
+            _log.warning("the state was computed at Re = %g and goes on at Re = %g", float(arrays["reynolds"]), self.reynolds)
+        start, steps, dt = (float(value) for value in arrays["clock"])
+        same_step = dt == self.dt
+        self._start, self.steps = (start, round(steps)) if same_step else (start + steps * dt, 0)
+        self.psi, self.gamma = arrays["psi"].copy(), arrays["gamma"].copy()
+        self._psi_before = arrays["psi_before"].copy() if same_step else self.psi[0].copy()
+        self._convection = arrays["convection"].copy() if same_step and arrays["convection"].size else None
+        wall = {name.removeprefix("wall_"): value for name, value in arrays.items() if name.startswith("wall_")}
+        same_wall = wall.keys() == self.wall.state().keys()
+        self.wall.restore(wall if same_wall else {}, self.time)
+        self._metric = self.wall.metric()
+        self._records = []
 
     def _project(self, rhs: Array, guess: Array, end: float, circulation: float) -> tuple[Solution, Array | None, Array]:
         """Find forces and new fields; returns the level-0 streamfunction too if the map needed it."""

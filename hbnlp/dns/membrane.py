@@ -232,10 +232,11 @@ class MembraneShape(Shape):
         """Arrays that a restart needs."""
         return {**super().state(), "W_rate_before": self._last_rate}
 
-    def restore(self, arrays: dict[str, Array]) -> None:
-        """Set the state from arrays as `state` returned them."""
-        super().restore(arrays)
-        self._last_rate = arrays["W_rate_before"]
+    def restore(self, arrays: dict[str, Array], time: float) -> None:
+        """Set the state from arrays as `state` returned them; an empty dict keeps the initial deflection."""
+        super().restore(arrays, time)
+        if arrays:
+            self._last_rate = arrays["W_rate_before"]
 
     def _mean_force(self, start: Array, change: Array) -> tuple[Array, Array]:
         """Mean of S along the straight path from start to start + change, and its derivative with respect to change."""

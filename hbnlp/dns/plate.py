@@ -41,9 +41,11 @@ class Shape(ABC):
         """Arrays that a restart needs."""
         return {"W": self.current[0], "W_rate": self.current[1]}
 
-    def restore(self, arrays: dict[str, Array]) -> None:
-        """Set the state from arrays as `state` returned them."""
-        self.current = self.estimate = (arrays["W"], arrays["W_rate"])
+    def restore(self, arrays: dict[str, Array], time: float) -> None:
+        """Set the state at ``time`` from arrays as `state` returned them; an empty dict keeps the initial deflection."""
+        del time
+        if arrays:
+            self.current = self.estimate = (arrays["W"], arrays["W_rate"])
 
 
 class PrescribedShape(Shape):
@@ -71,6 +73,12 @@ class PrescribedShape(Shape):
         """The given rates, whatever the load."""
         del load, response
         return self.estimate[1]
+
+    def restore(self, arrays: dict[str, Array], time: float) -> None:
+        """Take the deflection given for ``time``."""
+        del arrays
+        self.prepare(time)
+        self.accept()
 
 
 class PlateWall(Wall):
@@ -134,10 +142,10 @@ class PlateWall(Wall):
         """Arrays of the shape."""
         return {} if self.shape is None else self.shape.state()
 
-    def restore(self, arrays: dict[str, Array]) -> None:
+    def restore(self, arrays: dict[str, Array], time: float) -> None:
         """Restore the shape."""
         if self.shape is not None:
-            self.shape.restore(arrays)
+            self.shape.restore(arrays, time)
 
     def middle_slope(self) -> Array:
         """w_x at the v-points halfway through the step, shape (n,)."""

@@ -46,8 +46,8 @@ class Wall(ABC):
         """Arrays that a restart needs."""
         return {}
 
-    def restore(self, arrays: dict[str, Array]) -> None:  # noqa: B027
-        """Set the state from arrays as `state` returned them."""
+    def restore(self, arrays: dict[str, Array], time: float) -> None:  # noqa: B027
+        """Set the state at ``time`` from arrays as `state` returned them; an empty dict starts this body afresh then."""
 
     @abstractmethod
     def force(self, reaction: Array) -> Array:
@@ -90,41 +90,65 @@ class FixedWall(Wall):
 
 
 class MovingWall(Wall):
-    """Points that move in the grid; the body matrix is formed anew in each step from the tabulated response of the fluid."""
+    """Points that move in the grid; the body matrix is formed anew in each step from the tabulated response of the fluid.
+
+    The forces act on the fluid on both sides. For a closed body the load is corrected by the momentum of the fluid inside, which the points
+    determine: the integral of u over the inside is that of x (u . n) along the surface.
+    """
 
     def __init__(self, grid: Grid, nested: NestedSolver, dt: float, body: MovingPoints) -> None:
-        self._grid = grid
+        self._grid, self._dt = grid, dt
         self.body = body
         corners = np.column_stack([np.asarray(side, dtype=float) for side in body.reach])
         self._window = Window.around(grid, corners)
         self.transform = WindowTransform(nested, self._window)
         self._response = window_matrix(self.transform) * (dt / grid.spacing**2)
-        self.prepare(0.0)
+        self._momentum_rate = np.zeros(2)
+        self.prepare(dt)
 
     def prepare(self, time: float) -> None:
         """Move the points and factorise their matrix."""
-        positions, velocities = (np.asarray(part, dtype=float) for part in self.body.motion(time))
-        if positions.shape != velocities.shape or positions.ndim != 2 or positions.shape[1] != 2:
-            raise ValueError(
-                f"motion({time:.6g}) returned positions of shape {positions.shape} and velocities of shape {velocities.shape}; both must be (n, 2)"
-            )
-        if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
-            raise ValueError(f"motion({time:.6g}) returned values that are not finite")
+        positions, velocities = self._evaluate(time)
         self.coupling = point_coupling(self._grid, positions, self._window)
-        matrix = self.coupling.matrix
-        half = np.asarray(matrix @ self._response)
-        self._factor = Factor(np.asarray(matrix @ half.T).T, _CLOSER)
+        touched = np.unique(self.coupling.matrix.indices)
+        matrix = self.coupling.matrix[:, touched]
+        half = np.asarray(matrix @ self._response[np.ix_(touched, touched)])
+        self._factor = Factor(np.ascontiguousarray(np.asarray(matrix @ half.T).T), _CLOSER)
         self._target = velocities.T.ravel()
+        if self.body.closed:
+            before = _enclosed_momentum(*self._evaluate(time - self._dt))
+            self._momentum_rate = (_enclosed_momentum(positions, velocities) - before) / self._dt
 
     def respond(self, velocities: Array) -> Array:
         """Forces that carry the fluid along with the points."""
         return self._factor.solve(self._target - velocities)
 
     def force(self, reaction: Array) -> Array:
-        """Sum of the point forces; for a closed body it includes the inertia of the fluid inside."""
-        return _point_force(reaction)
+        """Sum of the point forces, without the inertia of the fluid inside a closed body."""
+        return _point_force(reaction) + self._momentum_rate
 
     def outline(self, time: float) -> Array:
         """The points, closed if the body is."""
-        points = np.asarray(self.body.motion(time)[0], dtype=float)
+        points = self._evaluate(time)[0]
         return np.vstack([points, points[:1]]) if self.body.closed else points
+
+    def _evaluate(self, time: float) -> tuple[Array, Array]:
+        positions, velocities = (np.asarray(part, dtype=float) for part in self.body.motion(time))
+        if positions.shape != velocities.shape or positions.ndim != 2 or positions.shape[1] != 2:
+            raise ValueError(
+                f"motion({time:.6g}) returned positions of shape {positions.shape} and velocities of shape {velocities.shape}; "
+                "both must be (n, 2)"
+            )
+        if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
+            raise ValueError(f"motion({time:.6g}) returned values that are not finite")
+        return positions, velocities
+
+
+def _enclosed_momentum(positions: Array, velocities: Array) -> Array:
+    """Integral of the velocity over the inside of a closed polygon, shape (2,)."""
+    step = np.roll(positions, -1, axis=0) - positions
+    middle = 0.5 * (np.roll(positions, -1, axis=0) + positions)
+    velocity = 0.5 * (np.roll(velocities, -1, axis=0) + velocities)
+    orientation = np.sign(np.sum(middle[:, 0] * step[:, 1]))
+    outflow = velocity[:, 0] * step[:, 1] - velocity[:, 1] * step[:, 0]
+    return np.asarray(orientation * (outflow @ middle))

@@ -1,0 +1,184 @@
+"""Fine validation of the flow solver: ``python benchmarks/dns_validation.py [case ...]``.
+
+Each case leaves one small JSON file with its provenance in docs/data/dns; finished cases are skipped, so that an interrupted campaign goes on
+where it stopped. Without names it lists the cases; ``all`` runs everything that is missing, ``tables`` rewrites the tables that docs/dns.md shows.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import scipy
+
+from hbnlp import dns
+
+DATA = Path(__file__).parent.parent / "docs" / "data" / "dns"
+# nine, eleven and thirty-three times the base give about 1, 3 and 10
+BASE, MULTIPLES = 0.3, np.array([1, 3, 10, 33])
+Result = dict[str, object]
+
+
+def _settings(flow: dns.Simulation) -> Result:
+    grid = flow.grid
+    return {
+        "h": grid.spacing,
+        "shape": list(grid.shape),
+        "corner": list(grid.corner),
+        "levels": grid.levels,
+        "dt": flow.dt,
+        "reynolds": flow.reynolds,
+        "end": flow.time,
+    }
+
+
+def _run(flow: dns.Simulation, until: float, label: str) -> dns.History:
+    with dns.ProgressBar(until, label=label) as bar:
+        return flow.run(until, callback=bar)
+
+
+def _wake_length(flow: dns.Simulation, rear: float) -> float:
+    """Distance from the rear of the body to where the velocity on the axis turns positive, on the finest level that holds it."""
+    for level in range(flow.grid.levels):
+        h = flow.grid.cell(level)
+        x, y = flow.grid.nodes(level)
+        middle = int(np.argmin(np.abs(y)))
+        u = 1.0 + (flow.psi[level][:, middle + 1] - flow.psi[level][:, middle - 1]) / (2.0 * h)
+        turn = np.flatnonzero((u[:-1] < 0.0) & (u[1:] >= 0.0) & (x[:-1] > rear))
+        if turn.size:
+            i = int(turn[-1])
+            return float(x[i] - u[i] * h / (u[i + 1] - u[i]) - rear)
+    return math.nan
+
+
+def cylinder(reynolds: float, spacing: float, until: float) -> Result:
+    """Circular cylinder: mean drag, lift amplitude and Strouhal number over the last cycles, wake length at Re = 40."""
+    grid = dns.Grid.box(spacing=spacing, x=(-1.0, 3.0), y=(-1.5, 1.5), levels=6)
+
+    def pulse(t: float) -> tuple[float, float, float]:
+        """Brief incidence that starts the shedding."""
+        return (0.3 * math.exp(-((t - 3.0) ** 2)) if reynolds > 50.0 else 0.0), 0.0, 0.0
+
+    flow = dns.Simulation(grid, dns.circle(spacing), reynolds=reynolds, dt=0.3 * spacing, motion=dns.Motion(pitch=pulse))
+    history = _run(flow, until, f"cylinder Re = {reynolds:g}")
+    late = history.load_time > 0.7 * until
+    t, lift, drag = history.load_time[late], history.lift[late], history.drag[late]
+    result: Result = {**_settings(flow), "C_D": float(drag[-1])}
+    if reynolds < 50.0:
+        return {**result, "wake_length": _wake_length(flow, 0.5)}
+    up = np.flatnonzero((lift[:-1] < 0.0) & (lift[1:] >= 0.0))
+    crossings = t[up] - lift[up] * flow.dt / (lift[up + 1] - lift[up])
+    whole = slice(int(up[0]), int(up[-1]))
+    return {
+        **result,
+        "C_D": float(drag[whole].mean()),
+        "C_L": float(0.5 * (lift[whole].max() - lift[whole].min())),
+        "St": float((crossings.size - 1) / (crossings[-1] - crossings[0])),
+        "cycles": int(crossings.size - 1),
+    }
+
+
+def plate(cells: int, levels: int, until: float = 40.0) -> Result:
+    """Rigid plate at one degree: drag and lift slope per radian."""
+    flow = dns.Simulation(dns.Grid.around_plate(cells=cells, levels=levels), dns.SharpPlate(), dt=0.4 / cells, motion=dns.Motion.at_incidence(1.0))
+    history = _run(flow, until, f"plate {cells}")
+    slope = history.lift / math.radians(1.0)
+    early = int(np.searchsorted(history.load_time, until - 5.0))
+    return {**_settings(flow), "C_D": float(history.drag[-1]), "lift_slope": float(slope[-1]), "change_in_5": float(slope[-1] - slope[early])}
+
+
+def response(channel: str | int, cells: int, levels: int = 6, dt_factor: float = 0.4) -> Result:
+    """One column of the linear response by small motions about the steady flow at zero incidence."""
+    grid = dns.Grid.around_plate(cells=cells, levels=levels)
+    steady = dns.Simulation(grid, dns.SharpPlate(), dt=0.4 / cells)
+    _run(steady, 25.0, f"steady {cells}")
+    seconds = 4.0 * math.pi / BASE + steady.time
+    with dns.ProgressBar(seconds, label=f"response {channel} {cells}") as bar:
+        column = dns.linear_response(
+            grid, channel, MULTIPLES, base=BASE, steady=steady.state(), dt=dt_factor / cells, n_modes=6, callback=bar
+        )
+    return {
+        **_settings(steady),
+        "channel": channel,
+        "dt_response": dt_factor / cells,
+        "omega": column.omega.tolist(),
+        "lift": [[z.real, z.imag] for z in column.lift],
+        "dCp": [[[z.real, z.imag] for z in row] for row in column.coefficients],
+        "drift": column.drift,
+    }
+
+
+def coupled(degrees: float, cells: int, dt_factor: float = 0.4, omega: float = 2.0, periods: int = 8) -> Result:
+    """Membrane of the paper's case (mu = 0.5, Eh = 250, delta0 = 0.002), pitching about the leading edge."""
+    n_modes = 10
+    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=n_modes)
+    per_period = math.ceil(2.0 * math.pi / omega * cells / dt_factor)
+    dt = 2.0 * math.pi / omega / per_period
+    motion = dns.Motion.sinusoidal(omega, pitch=math.radians(degrees))
+    grid = dns.Grid.around_plate(cells=cells, levels=6)
+    flow = dns.Simulation(grid, dns.Membrane(mass_ratio=0.5, law=law, n_modes=n_modes), dt=dt, motion=motion)
+    history = _run(flow, periods * per_period * dt, f"membrane {degrees:g} deg {cells}")
+    last, before = slice(-per_period, None), slice(-2 * per_period, -per_period)
+    w = np.array([omega])
+    lift, earlier = (dns.harmonics(history.load_time[rows], history.lift[rows], w)[0] for rows in (last, before))
+    modes = dns.harmonics(history.time[last], history.deflection[last], w)[0]
+    pitch_rate = math.radians(degrees) * omega
+    neglected = 2.0 * 0.5 * pitch_rate**2 * np.abs(history.deflection[last]).max() / np.abs(history.coefficients[last]).max()
+    return {
+        **_settings(flow),
+        "degrees": degrees,
+        "omega": omega,
+        "lift": [lift.real, lift.imag],
+        "lift_per_acceleration": abs(lift) / (math.radians(degrees) * omega**2),
+        "change_over_last_period": abs(lift - earlier) / abs(lift),
+        "W": [[z.real, z.imag] for z in modes],
+        "max_strain": max(law.strain(row) for row in history.deflection[last]),
+        "centrifugal_over_pressure": float(neglected),
+    }
+
+
+CASES: dict[str, Callable[[], Result]] = {
+    "cylinder_40": partial(cylinder, 40.0, 0.02, 50.0),
+    "cylinder_100": partial(cylinder, 100.0, 0.02, 100.0),
+    "cylinder_200": partial(cylinder, 200.0, 0.02, 80.0),
+    **{f"plate_{n}": partial(plate, n, 6) for n in (25, 50, 75)},
+    **{f"plate_25_levels_{n}": partial(plate, 25, n) for n in (4, 5, 7)},
+    **{f"response_{channel}_{n}": partial(response, channel, n) for n in (25, 50, 75) for channel in ("pitch", 1, 2, 3)},
+    **{f"coupled_{d}_{n}": partial(coupled, d, n) for n in (25, 50) for d in (0.25, 2.5)},
+    **{f"coupled_{d}_50_half_dt": partial(coupled, d, 50, 0.2) for d in (0.25, 2.5)},
+}
+
+
+def run(name: str) -> None:
+    """Run one case unless its file is there."""
+    path = DATA / f"{name}.json"
+    if path.exists():
+        return
+    begun = time.process_time()
+    result = CASES[name]()
+    provenance = {
+        "case": name,
+        "command": f"python benchmarks/dns_validation.py {name}",
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "cpu_seconds": round(time.process_time() - begun, 1),
+    }
+    DATA.mkdir(parents=True, exist_ok=True)
+    partial_file = path.with_suffix(".json.part")
+    partial_file.write_text(json.dumps({**result, "provenance": provenance}, indent=1) + "\n")
+    partial_file.replace(path)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 1:
+        sys.stdout.write("\n".join(CASES) + "\n")
+    for wanted in CASES if sys.argv[1:] == ["all"] else sys.argv[1:]:
+        run(wanted)
