@@ -12,6 +12,7 @@ from hbnlp.dns.bodies import MovingPoints, Points, SharpPlate, circle
 from hbnlp.dns.flow import Simulation
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.history import History
+from hbnlp.dns.loads import neglected_inertia
 from hbnlp.dns.membrane import ForceLaw, LinearTension, Membrane, NonlinearTension
 from hbnlp.dns.motion import Motion
 from hbnlp.dns.observers import Checkpoint, ProgressBar, Snapshot, Snapshots, together
@@ -41,6 +42,7 @@ __all__ = [
     "linear_response",
     "load_history",
     "load_state",
+    "neglected_inertia",
     "save_history",
     "save_state",
     "together",

@@ -35,6 +35,11 @@ _log = logging.getLogger(__name__)
 # Adams-Bashforth with central differences at cell Reynolds numbers of a few stays stable up to about here (measured, docs/dns.md).
 CFL_LIMIT = 0.8
 _CFL_EVERY = 10
+# Passes over m(psi) a step. With psi extrapolated for the first, an even number is stable for metrics that stretch by less than about two, and
+# two leave a remainder of 1e-5 of the loads at slopes of 0.5 (measured, docs/dns.md).
+_SWEEPS = 2
+# Adams-Bashforth on the metric's part of diffusion: stable for (stretch - 1) * 8 nu dt / h^2 < 1.
+_METRIC_DIFFUSION_LIMIT = 1.0
 
 Callback = Callable[["Simulation"], None]
 
@@ -56,8 +61,6 @@ class Simulation:
         Pitch and heave of the frame that carries grid and body.
     stream : float
         Free stream velocity: 1, or 0 for fluid at rest.
-    sweeps : int
-        Passes a step over the metric terms of a deformed plate; the remainder falls with the slope squared a pass.
 
     Raises
     ------
@@ -76,20 +79,16 @@ class Simulation:
         dt: float | None = None,
         motion: Motion | None = None,
         stream: float = 1.0,
-        sweeps: int = 2,
     ) -> None:
         if not (math.isfinite(reynolds) and reynolds > 0.0):
             raise ValueError(f"reynolds is {reynolds}; it must be positive and finite")
         step = 0.3 * grid.spacing if dt is None else dt
         if not (math.isfinite(step) and step > 0.0):
             raise ValueError(f"dt is {dt}; it must be positive and finite")
-        if sweeps < 1:
-            raise ValueError(f"sweeps is {sweeps}; at least 1 is needed")
         if abs(stream) * step > CFL_LIMIT * grid.spacing:
             raise FlowError(_cfl_message(abs(stream) * step / grid.spacing, step))
         self.grid, self.body, self.reynolds, self.dt = grid, body, reynolds, step
         self.motion = Motion() if motion is None else motion
-        self._sweeps = sweeps
         self._nested = NestedSolver(grid, step / reynolds)
         self._background = Background(grid, self.motion, stream)
         self.wall = _wall(grid, self._nested, step, body, self.motion)
@@ -261,7 +260,7 @@ class Simulation:
         solution: Solution | None = None
         reaction = np.empty(0)
         psi_fine: Array | None = None
-        for _ in range(self._sweeps if mapped else 1):
+        for _ in range(_SWEEPS if mapped else 1):
             if mapped:
                 metric = wall.metric()
                 assert metric is not None  # noqa: S101  (for the type checker)
@@ -282,7 +281,7 @@ class Simulation:
             if mapped:
                 psi_fine = nested.to_nodes(solution.psi[:1], solution.psi_edges)[0]
                 guess = psi_fine
-        assert solution is not None  # noqa: S101  (sweeps >= 1)
+        assert solution is not None  # noqa: S101  (at least one pass)
         return solution, psi_fine, reaction
 
     def _explicit(self) -> Array:
@@ -303,6 +302,12 @@ class Simulation:
             self._check(u, v)
         out = advection(u, v, omega, self._cells)
         if metric is not None:
+            number = (metric.stretch_max - 1.0) * 8.0 * self.dt / (self.reynolds * self.grid.spacing**2)
+            if number > _METRIC_DIFFUSION_LIMIT:
+                raise FlowError(
+                    f"at t = {self.time:.6g} the explicit diffusion of the deflected plate's metric has the number {number:.3g}, above the limit "
+                    f"{_METRIC_DIFFUSION_LIMIT}: dt = {0.75 * self.dt / number:.2g} would do (dt is {self.dt:.4g})"
+                )
             window = self._map_window()
             gamma = self.gamma[0][window]
             extra = metric.rotation(omega[0][window]) + laplacian(gamma, self.grid.spacing)

@@ -56,7 +56,7 @@ class Grid:
 
     @classmethod
     def box(
-        cls, *, spacing: float = 0.02, x: tuple[float, float] = (-1.0, 3.0), y: tuple[float, float] = (-1.5, 1.5), levels: int = 5
+        cls, *, spacing: float = 0.02, x: tuple[float, float] = (-1.0, 2.0), y: tuple[float, float] = (-1.0, 1.0), levels: int = 6
     ) -> Grid:
         """Grid whose fine box covers x and y, enlarged to whole cells.
 

@@ -1,7 +1,7 @@
 """Linear frequency response of the sharp plate from runs with small motions: one run an input, all frequencies at once.
 
 The input is a sum of sines at multiples of the lowest frequency, of an amplitude at which the response is linear to round-off's cube; after
-one period of it the record of the next is whole in every frequency, and least squares give the complex harmonics of the loads.
+a settling time a period of the lowest frequency is whole in all of them, and least squares give the complex harmonics of the loads.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class LinearResponse:
     coefficients : ndarray of shape (n, n_modes), complex
         dCp_k per unit of the input.
     drift : float
-        Change of the column from a window half a period earlier to the measured one, relative to its norm, the largest over the frequencies:
+        Change of the column from a window a quarter period earlier to the measured one, relative to its norm, the largest over the frequencies:
         what is left of the start.
     """
 
@@ -129,7 +129,7 @@ def linear_response(
     dt: float | None = None,
     n_modes: int = 10,
     amplitude: float = 1e-5,
-    periods: int = 2,
+    periods: float = 1.5,
     callback: Callback | None = None,
 ) -> LinearResponse:
     """Measure one column of G(i w) about a steady flow at zero incidence.
@@ -152,8 +152,8 @@ def linear_response(
         Number of sine coefficients.
     amplitude : float
         Amplitude of each sine.
-    periods : int
-        Periods of ``base`` to run, at least 2; the last is evaluated.
+    periods : float
+        Periods of ``base`` to run, at least 1.5; the input starts during the first quarter, the last period is evaluated.
     callback : callable, optional
         As for `Simulation.run`.
 
@@ -163,8 +163,8 @@ def linear_response(
         If the channel is unknown or a number is out of range.
     """
     multiples = np.asarray(multiples)
-    if periods < 2:
-        raise ValueError(f"periods is {periods}; at least 2 are needed, one to settle and one to measure")
+    if periods < 1.5:
+        raise ValueError(f"periods is {periods}; at least 1.5 are needed, a half to settle and one to measure")
     if not base > 0.0 or multiples.min() < 1 or not np.array_equal(multiples, np.round(multiples)):
         raise ValueError(f"base is {base} and multiples {multiples.tolist()}; base must be positive and the multiples whole, from 1")
     period = 2.0 * math.pi / base
@@ -192,7 +192,7 @@ def linear_response(
     loads = np.column_stack([history.lift, history.coefficients])
     given = np.array([signal(time)[0] for time in history.load_time])
     columns = []
-    for earlier in (0, per_period // 2):
+    for earlier in (0, per_period // 4):
         rows = slice(len(history.time) - per_period - earlier, len(history.time) - earlier)
         time = history.load_time[rows]
         columns.append(harmonics(time, loads[rows], signal.omegas) / harmonics(time, given[rows], signal.omegas)[:, None])
