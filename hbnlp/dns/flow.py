@@ -92,12 +92,12 @@ class Simulation:
         self._nested = NestedSolver(grid, step / reynolds)
         self._background = Background(grid, self.motion, stream)
         self.wall = _wall(grid, self._nested, step, body, self.motion)
-        self._cells = grid.cells()[:, None, None]
         nx, ny = grid.shape
         self.psi = np.zeros((grid.levels, nx + 1, ny + 1))
         self.gamma = np.zeros_like(self.psi)
         self._psi_before = self.psi[0].copy()
         self._convection: Array | None = None
+        self._rhs = np.empty((grid.levels, nx - 1, ny - 1))
         self.steps = 0
         self._start = 0.0
         self._metric = self.wall.metric()
@@ -168,35 +168,19 @@ class Simulation:
 
     def step(self) -> None:
         """Advance by dt."""
-        dt, nested, wall = self.dt, self._nested, self.wall
-        end = self._start + (self.steps + 1) * dt
-        convection = self._explicit()
-        before = convection if self._convection is None else self._convection
-        rhs = laplacian(self.gamma, self._cells)
-        rhs *= 0.5 * dt / self.reynolds
-        rhs += self.gamma[:, 1:-1, 1:-1]
-        rhs += (1.5 * dt) * convection
-        rhs -= (0.5 * dt) * before
-        self._convection = convection
+        nested, wall, levels = self._nested, self.wall, range(self.grid.levels)
+        end = self._start + (self.steps + 1) * self.dt
+        rhs = self._explicit()
         circulation = float(self.gamma[-1, 1:-1, 1:-1].sum()) * self.grid.cell(self.grid.levels - 1) ** 2
-
         wall.prepare(end)
         guess = 2.0 * self.psi[0] - self._psi_before
-        solution, psi_fine, reaction = self._project(rhs, guess, end, circulation)
-
-        self._psi_before = self.psi[0]
-        self.psi = nested.to_nodes(solution.psi, solution.psi_edges) if psi_fine is None else self._replace_fine(solution, psi_fine)
-        self.gamma = nested.to_nodes(solution.gamma, solution.gamma_edges)
+        self._psi_before = self.psi[0].copy()
+        solution, reaction = self._project(rhs, guess, end, circulation)
+        for level in levels:
+            nested.to_nodes(solution.gamma[level], solution.gamma_edges[level], self.gamma[level])
+            nested.to_nodes(solution.psi[level], solution.psi_edges[level], self.psi[level])
         self._metric = wall.metric()
-        inner = self.gamma[:, 1:-1, 1:-1]
-        if self._metric is not None and self.grid.levels > 1:
-            apparent = inner[0].copy()
-            apparent[self._map_interior()] += self._metric.source(self.psi[0][self._map_window()])
-            nested.restrict(apparent, inner[1])
-            for level in range(1, self.grid.levels - 1):
-                nested.restrict(inner[level], inner[level + 1])
-        else:
-            nested.restrict_all(inner)
+        self._restrict_vorticity()
         self.steps += 1
         self._records.append(self._record(reaction))
         wall.accept()
@@ -249,79 +233,91 @@ class Simulation:
         self._metric = self.wall.metric()
         self._records = []
 
-    def _project(self, rhs: Array, guess: Array, end: float, circulation: float) -> tuple[Solution, Array | None, Array]:
-        """Find forces and new fields; returns the level-0 streamfunction too if the map needed it."""
-        nested, wall = self._nested, self.wall
-        transform, coupling = wall.transform, wall.coupling
-        metric = wall.metric()
-        mapped = metric is not None
-        metric_hat: Array | None = None
-        rhs_hat: Array | None = None
-        solution: Solution | None = None
-        reaction = np.empty(0)
-        psi_fine: Array | None = None
-        for _ in range(_SWEEPS if mapped else 1):
-            if mapped:
-                metric = wall.metric()
-                assert metric is not None  # noqa: S101  (for the type checker)
-                source = np.zeros(rhs.shape[1:])
-                source[self._map_interior()] = metric.source(guess[self._map_window()])
-                metric_hat = sine_transform(source)
-                if rhs_hat is None:
-                    self._restrict_mapped(rhs, source)
-            else:
-                nested.restrict_all(rhs)
-            if rhs_hat is None:
-                rhs_hat = sine_transform(rhs)
+    def _project(self, rhs: Array, guess: Array, end: float, circulation: float) -> tuple[Solution, Array]:
+        """Find forces and new fields; ``guess`` is the level-0 streamfunction that the metric terms start from."""
+        nested, transform, coupling = self._nested, self.wall.transform, self.wall.coupling
+        metric = self.wall.metric()
+        metric_hat = None
+        if metric is None:
+            nested.restrict_all(rhs)
+        else:
+            source = self._metric_source(metric, guess)
+            metric_hat = sine_transform(source)
+            self._restrict_mapped(rhs, source)
+        rhs_hat = [sine_transform(level) for level in rhs]
+        passes = 1 if metric is None else _SWEEPS
+        for index in range(passes):
             predicted = nested.solve(rhs_hat, metric_hat, circulation)
             slip = transform.evaluate(predicted.psi[0]) + self._background_at_body(end, metric)
-            reaction = wall.respond(coupling.velocities(slip))
-            source_hat = transform.source(coupling.source(reaction, self.grid.spacing) * self.dt)
-            solution = nested.solve(rhs_hat + source_hat, metric_hat, circulation)
-            if mapped:
-                psi_fine = nested.to_nodes(solution.psi[:1], solution.psi_edges)[0]
-                guess = psi_fine
-        assert solution is not None  # noqa: S101  (at least one pass)
-        return solution, psi_fine, reaction
+            reaction = self.wall.respond(coupling.velocities(slip))
+            forces_hat = transform.source(coupling.source(reaction, self.grid.spacing) * self.dt)
+            solution = nested.solve([a + b for a, b in zip(rhs_hat, forces_hat, strict=True)], metric_hat, circulation)
+            if index < passes - 1:
+                nested.to_nodes(solution.psi[0], solution.psi_edges[0], guess)
+                metric = self.wall.metric()
+                metric_hat = None if metric is None else sine_transform(self._metric_source(metric, guess))
+        return solution, reaction
 
     def _explicit(self) -> Array:
-        """Convection and the metric's part of diffusion, N, at the interior nodes of all levels."""
-        psi = self.psi + self._background.levels(self.time)
-        omega = self.gamma
+        """Right-hand sides of the step without the body's forces, at the interior nodes of all levels."""
+        dt, nu = self.dt, 1.0 / self.reynolds
+        background = self._background.levels(self.time)
+        first = self._convection is None
+        if self._convection is None:
+            self._convection = np.zeros_like(self._rhs)
+        # level by level, so that the fields of one stay in the processor's cache
+        for level, h in enumerate(self.grid.cells()):
+            convection = self._convect(level, float(h), background[level])
+            gamma = self.gamma[level]
+            rhs = laplacian(gamma, float(h))
+            rhs *= 0.5 * dt * nu
+            rhs += gamma[1:-1, 1:-1]
+            rhs += (1.5 * dt) * convection
+            rhs -= (0.5 * dt) * (convection if first else self._convection[level])
+            self._convection[level] = convection
+            self._rhs[level] = rhs
+        return self._rhs
+
+    def _convect(self, level: int, h: float, background: Array) -> Array:
+        """Convection, and on level 0 the metric's part of diffusion, at the interior nodes of a level."""
+        psi, gamma = self.psi[level] + background, self.gamma[level]
         metric = self._metric
-        if metric is None:
-            u, v = node_velocity(psi, self._cells)
-        else:
-            window = self._map_window()
-            psi[0][window] = self.psi[0][window] + self._mapped_background(self.time, metric)
-            omega = self.vorticity()
-            u, v = node_velocity(psi, self._cells)
-            x_rows = slice(window[0].start, window[0].stop - 2)
-            v[0][x_rows, window[1]] -= metric.eta_rate[1:-1, :]
-        if self.steps % _CFL_EVERY == 0:
-            self._check(u, v)
-        out = advection(u, v, omega, self._cells)
-        if metric is not None:
-            number = (metric.stretch_max - 1.0) * 8.0 * self.dt / (self.reynolds * self.grid.spacing**2)
-            if number > _METRIC_DIFFUSION_LIMIT:
-                raise FlowError(
-                    f"at t = {self.time:.6g} the explicit diffusion of the deflected plate's metric has the number {number:.3g}, above the limit "
-                    f"{_METRIC_DIFFUSION_LIMIT}: dt = {0.75 * self.dt / number:.2g} would do (dt is {self.dt:.4g})"
-                )
-            window = self._map_window()
-            gamma = self.gamma[0][window]
-            extra = metric.rotation(omega[0][window]) + laplacian(gamma, self.grid.spacing)
-            out[0][self._map_interior()] -= extra / self.reynolds
+        if level > 0 or metric is None:
+            u, v = node_velocity(psi, h)
+            self._check(u, v, h)
+            return advection(u, v, gamma, h)
+        window = self._map_window()
+        psi[window] = self.psi[0][window] + self._mapped_background(self.time, metric)
+        omega = gamma.copy()
+        omega[window] /= metric.jacobian
+        u, v = node_velocity(psi, h)
+        v[window[0].start : window[0].stop - 2, window[1]] -= metric.eta_rate[1:-1, :]
+        self._check(u, v, h)
+        self._check_metric(metric)
+        out = advection(u, v, omega, h)
+        out[self._map_interior()] -= (metric.rotation(omega[window]) + laplacian(gamma[window], h)) / self.reynolds
         return out
 
-    def _check(self, u: Array, v: Array) -> None:
-        speed = np.abs(u[:, 1:-1, :])
-        speed += np.abs(v[:, :, 1:-1])
-        cfl = float((speed.max(axis=(1, 2)) / self.grid.cells()).max()) * self.dt
+    def _check(self, u: Array, v: Array, h: float) -> None:
+        if self.steps % _CFL_EVERY != 0:
+            return
+        speed = np.abs(u[1:-1, :])
+        speed += np.abs(v[:, 1:-1])
+        cfl = float(speed.max()) * self.dt / h
         if not math.isfinite(cfl):
-            raise FlowError(f"the flow is no longer finite at t = {self.time:.6g}: restart from a saved state with a smaller dt than {self.dt:.3g}")
+            raise FlowError(
+                f"the flow is no longer finite at t = {self.time:.6g}: restart from a saved state with a smaller dt than {self.dt:.3g}"
+            )
         if cfl > CFL_LIMIT:
             raise FlowError(f"at t = {self.time:.6g} " + _cfl_message(cfl, self.dt))
+
+    def _check_metric(self, metric: Metric) -> None:
+        number = (metric.stretch_max - 1.0) * 8.0 * self.dt / (self.reynolds * self.grid.spacing**2)
+        if number > _METRIC_DIFFUSION_LIMIT:
+            raise FlowError(
+                f"at t = {self.time:.6g} the explicit diffusion of the deflected plate's metric has the number {number:.3g}, above the limit "
+                f"{_METRIC_DIFFUSION_LIMIT}: dt = {0.75 * self.dt / number:.2g} would do (dt is {self.dt:.4g})"
+            )
 
     def _record(self, reaction: Array) -> Record:
         time = self.time
@@ -340,6 +336,12 @@ class Simulation:
             time, 2.0 * (force_y * c - force_x * s), 2.0 * (force_x * c + force_y * s), jump, coefficients, deflection, rate
         )
 
+    def _metric_source(self, metric: Metric, psi: Array) -> Array:
+        """m(psi) at the interior nodes of level 0."""
+        source = np.zeros(self._rhs.shape[1:])
+        source[self._map_interior()] = metric.source(psi[self._map_window()])
+        return source
+
     def _restrict_mapped(self, rhs: Array, source: Array) -> None:
         """Restrict right-hand sides such that coarser levels see the apparent vorticity gamma + m of the map."""
         nested = self._nested
@@ -352,9 +354,16 @@ class Simulation:
         for level in range(1, self.grid.levels - 1):
             nested.restrict(rhs[level], rhs[level + 1])
 
-    def _replace_fine(self, solution: Solution, psi_fine: Array) -> Array:
-        coarse = self._nested.to_nodes(solution.psi[1:], solution.psi_edges[1:])
-        return np.concatenate([psi_fine[None], coarse])
+    def _restrict_vorticity(self) -> None:
+        """Pass the new vorticity, with a map the apparent one, on to the coarser levels."""
+        inner = self.gamma[:, 1:-1, 1:-1]
+        if self._metric is None or self.grid.levels == 1:
+            self._nested.restrict_all(inner)
+            return
+        apparent = inner[0] + self._metric_source(self._metric, self.psi[0])
+        self._nested.restrict(apparent, inner[1])
+        for level in range(1, self.grid.levels - 1):
+            self._nested.restrict(inner[level], inner[level + 1])
 
     def _background_at_body(self, time: float, metric: Metric | None) -> Array:
         window = self.wall.coupling.window.full

@@ -15,6 +15,7 @@ Colonius and Taira (2008), doi:10.1016/j.cma.2007.08.014.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,10 +41,10 @@ class Edges:
 
 @dataclass(frozen=True)
 class Solution:
-    """Sine coefficients of vorticity and streamfunction, shape (levels, nx - 1, ny - 1), with each level's boundary values."""
+    """Sine coefficients of vorticity and streamfunction, a list of levels of shape (nx - 1, ny - 1), with each level's boundary values."""
 
-    gamma: Array
-    psi: Array
+    gamma: list[Array]
+    psi: list[Array]
     gamma_edges: list[Edges]
     psi_edges: list[Edges]
 
@@ -80,55 +81,53 @@ class NestedSolver:
         self._cell2 = grid.cells() ** 2
         self._inverse_helmholtz = 1.0 / (1.0 + self._kappa[:, None, None] * symbol)
         self._inverse_poisson = self._cell2[:, None, None] / symbol
-        self._to_finer = (_cubic_interpolation(nx)[:, 1:-1] @ self.sx, _cubic_interpolation(ny)[:, 1:-1] @ self.sy)
+        self._to_finer = tuple(
+            (to_nodes, np.ascontiguousarray(to_nodes[[0, -1]]))
+            for to_nodes in (_cubic_interpolation(nx)[:, 1:-1] @ self.sx, _cubic_interpolation(ny)[:, 1:-1] @ self.sy)
+        )
+        self._border_sine = np.ascontiguousarray(self.sx[:, [0, -1]]), np.ascontiguousarray(self.sy[[0, -1], :])
         self._weights = (_restriction_weights(nx), _restriction_weights(ny))
         self._overlap = (_overlap(nx), _overlap(ny))
         self._log_distance = self._outer_log_distance()
 
-    def solve(self, rhs_hat: Array, metric_hat: Array | None = None, circulation: float = 0.0) -> Solution:
+    def solve(self, rhs_hat: Sequence[Array] | Array, metric_hat: Array | None = None, circulation: float = 0.0) -> Solution:
         """Solve both equations on all levels.
 
         Parameters
         ----------
-        rhs_hat : ndarray of shape (levels, nx - 1, ny - 1)
-            Sine coefficients of the Helmholtz right-hand sides, without boundary terms.
+        rhs_hat : sequence of ndarray
+            Sine coefficients of the Helmholtz right-hand sides, without boundary terms, of shape (nx - 1, ny - 1), finest level first.
         metric_hat : ndarray of shape (nx - 1, ny - 1), optional
             Sine coefficients of the source m on level 0.
         circulation : float
             Total circulation, for the point-vortex far field on the outermost boundary.
         """
-        levels = self.grid.levels
-        gamma, psi = np.empty_like(rhs_hat), np.empty_like(rhs_hat)
         nx, ny = self.grid.shape
         gamma_edges = Edges(np.zeros((2, ny + 1)), np.zeros((nx + 1, 2)))
         strength = -circulation / (2.0 * np.pi)
         psi_edges = Edges(strength * self._log_distance.sides, strength * self._log_distance.ends)
-        all_gamma_edges, all_psi_edges = [gamma_edges], [psi_edges]
-        for level in range(levels - 1, -1, -1):
-            if level < levels - 1:
-                gamma_edges, psi_edges = self._edges_inside(gamma[level + 1]), self._edges_inside(psi[level + 1])
-                all_gamma_edges.insert(0, gamma_edges)
-                all_psi_edges.insert(0, psi_edges)
-            source = self._edge_source(gamma_edges)
-            source *= self._kappa[level]
-            source += rhs_hat[level]
-            np.multiply(source, self._inverse_helmholtz[level], out=gamma[level])
-            source = self._edge_source(psi_edges)
-            source /= self._cell2[level]
-            source += gamma[level]
+        solution = Solution([], [], [], [])
+        for level in range(self.grid.levels - 1, -1, -1):
+            if solution.psi:
+                gamma_edges, psi_edges = self._edges_inside(solution.gamma[-1]), self._edges_inside(solution.psi[-1])
+            gamma = self._edge_source(gamma_edges, self._kappa[level])
+            gamma += rhs_hat[level]
+            gamma *= self._inverse_helmholtz[level]
+            psi = self._edge_source(psi_edges, 1.0 / self._cell2[level])
+            psi += gamma
             if level == 0 and metric_hat is not None:
-                source += metric_hat
-            np.multiply(source, self._inverse_poisson[level], out=psi[level])
-        return Solution(gamma, psi, all_gamma_edges, all_psi_edges)
+                psi += metric_hat
+            psi *= self._inverse_poisson[level]
+            solution.gamma.append(gamma)
+            solution.psi.append(psi)
+            solution.gamma_edges.append(gamma_edges)
+            solution.psi_edges.append(psi_edges)
+        return Solution(solution.gamma[::-1], solution.psi[::-1], solution.gamma_edges[::-1], solution.psi_edges[::-1])
 
-    def to_nodes(self, coefficients: Array, edges: list[Edges]) -> Array:
-        """Node values with borders, shape (levels, nx + 1, ny + 1), from sine coefficients and boundary values."""
-        nx, ny = self.grid.shape
-        field = np.empty((coefficients.shape[0], nx + 1, ny + 1))
-        field[:, 1:-1, 1:-1] = sine_transform(coefficients)
-        for level, edge in enumerate(edges[: coefficients.shape[0]]):
-            edge.write(field[level])
-        return field
+    def to_nodes(self, coefficients: Array, edges: Edges, out: Array) -> None:
+        """Write the node values of a level, border included, from sine coefficients and boundary values."""
+        out[1:-1, 1:-1] = sine_transform(coefficients)
+        edges.write(out)
 
     def restrict(self, fine: Array, coarse: Array) -> None:
         """Overwrite the covered part of a coarse level by the restriction of the level inside it; both are interior node values."""
@@ -153,12 +152,12 @@ class NestedSolver:
         return field - (self._kappa[level] * self._cell2[level]) * laplacian(padded, self.grid.cell(level))
 
     def _edges_inside(self, coefficients: Array) -> Edges:
-        to_x, to_y = self._to_finer
-        return Edges((to_x[[0, -1]] @ coefficients) @ to_y.T, to_x @ (coefficients @ to_y[[0, -1]].T))
+        (to_x, border_x), (to_y, border_y) = self._to_finer
+        return Edges((border_x @ coefficients) @ to_y.T, to_x @ (coefficients @ border_y.T))
 
-    def _edge_source(self, edges: Edges) -> Array:
-        source: Array = self.sx[:, [0, -1]] @ (edges.sides[:, 1:-1] @ self.sy)
-        source += (self.sx @ edges.ends[1:-1, :]) @ self.sy[[0, -1], :]
+    def _edge_source(self, edges: Edges, factor: float) -> Array:
+        source: Array = self._border_sine[0] @ ((factor * edges.sides[:, 1:-1]) @ self.sy)
+        source += (self.sx @ (factor * edges.ends[1:-1, :])) @ self._border_sine[1]
         return source
 
     def _outer_log_distance(self) -> Edges:

@@ -43,12 +43,12 @@ class WindowTransform:
             right = np.ascontiguousarray(nested.sy[block[1], :])
             self._blocks.append((left, right, block))
 
-    def source(self, values: Array) -> Array:
-        """Sine coefficients on all levels of a source given in the window."""
+    def source(self, values: Array) -> list[Array]:
+        """Sine coefficients, a list of levels, of a source given in the window."""
         fields = self._fields
         fields[0][self.window.interior] = values
         self._nested.restrict_all(fields)
-        return np.stack([left @ field[block] @ right for (left, right, block), field in zip(self._blocks, fields, strict=True)])
+        return [left @ field[block] @ right for (left, right, block), field in zip(self._blocks, fields, strict=True)]
 
     def evaluate(self, coefficients: Array) -> Array:
         """Values in the window of a level-0 field given by its sine coefficients."""
