@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zipfile
 from dataclasses import fields
 from pathlib import Path
 
@@ -43,11 +44,11 @@ def read_arrays(path: str | os.PathLike[str]) -> dict[str, Array]:
         If it is not an npz file of plain arrays.
     """
     try:
-        with np.load(Path(path), allow_pickle=False) as data:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             return {name: data[name] for name in data.files}
-    except (EOFError, OSError, ValueError, AttributeError) as error:
-        if isinstance(error, FileNotFoundError):
-            raise
+    except FileNotFoundError:
+        raise
+    except (EOFError, OSError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path} is no npz file of plain arrays as this package writes it: {error}") from error
 
 
