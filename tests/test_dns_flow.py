@@ -17,8 +17,8 @@ def _coarse_cylinder(**options: object) -> dns.Simulation:
 
 def test_coarse_cylinder_reproduces_its_own_converged_value() -> None:
     history = _coarse_cylinder().run(15.0)
-    # the same grid gives 1.6475 at t = 60, with half the time step too; the impulsive start leaves 1.3 % at t = 15. The published 1.50 to
-    # 1.54 needs a finer grid (docs/dns.md).
+    # the same grid gives 1.6475 at t = 60, with half the time step too; the impulsive start leaves 1.3 % at t = 15. The
+    # published 1.50 to 1.54 needs a finer grid (docs/dns.md).
     assert history.drag[-1] == pytest.approx(1.6475, rel=0.02)
     assert np.abs(history.lift).max() < 1e-9
 
@@ -26,7 +26,9 @@ def test_coarse_cylinder_reproduces_its_own_converged_value() -> None:
 def test_flow_around_a_moving_cylinder_is_that_around_a_fixed_one() -> None:
     points = dns.circle(1 / 12).positions
     body = dns.MovingPoints(
-        motion=lambda t: (points + [1.2 - t, 0.0], np.tile([-1.0, 0.0], (points.shape[0], 1))), reach=((-0.2, 1.8), (-0.6, 0.6)), closed=True
+        motion=lambda t: (points + np.array([1.2 - t, 0.0]), np.tile([-1.0, 0.0], (points.shape[0], 1))),
+        reach=((-0.2, 1.8), (-0.6, 0.6)),
+        closed=True,
     )
     grid = dns.Grid.box(spacing=1 / 12, x=(-1.0, 2.5), y=(-1.0, 1.0), levels=3)
     moving = dns.Simulation(grid, body, reynolds=40.0, dt=0.025, stream=0.0).run(0.8)
@@ -45,7 +47,7 @@ def test_load_on_an_accelerated_cylinder_is_its_added_mass() -> None:
 
         def motion(t: float, points: np.ndarray = points) -> tuple[np.ndarray, np.ndarray]:
             moved = max(t, 0.0)
-            return points + [moved, 0.0], np.tile([1.0 if t > 0.5e-4 else 0.0, 0.0], (points.shape[0], 1))
+            return points + np.array([moved, 0.0]), np.tile([1.0 if t > 0.5e-4 else 0.0, 0.0], (points.shape[0], 1))
 
         grid = dns.Grid.box(spacing=1 / cells, x=(-1.0, 1.0), y=(-1.0, 1.0), levels=4)
         body = dns.MovingPoints(motion=motion, reach=((-0.52, 0.52), (-0.52, 0.52)), closed=True)
@@ -90,7 +92,12 @@ def test_plate_may_start_to_move_from_a_saved_steady_flow() -> None:
     steady = dns.Simulation(grid, dns.SharpPlate())
     steady.run(40 * steady.dt)
     start = steady.time
-    moving = dns.Simulation(grid, dns.SharpPlate(deflection=lambda t: (np.array([0.1 * (t - start) ** 2]), np.array([0.2 * (t - start)])), n_modes=1))
+    moving = dns.Simulation(
+        grid,
+        dns.SharpPlate(
+            deflection=lambda t: (np.array([0.1 * (t - start) ** 2]), np.array([0.2 * (t - start)])), n_modes=1
+        ),
+    )
     moving.restore(steady.state())
     assert moving.time == pytest.approx(start)
     history = moving.run(start + 10 * moving.dt)
@@ -118,7 +125,10 @@ def test_bodies_outside_the_fine_box_are_refused() -> None:
     grid = dns.Grid.box(spacing=1 / 12, levels=2)
     with pytest.raises(ValueError, match="enlarge the box"):
         dns.Simulation(grid, dns.circle(grid.spacing, centre=(1.6, 0.0)))
-    body = dns.MovingPoints(motion=lambda t: (np.array([[0.0, 4 * t], [0.1, 4 * t]]), np.array([[0.0, 4.0], [0.0, 4.0]])), reach=((-0.2, 0.3), (-0.2, 0.2)))
+    body = dns.MovingPoints(
+        motion=lambda t: (np.array([[0.0, 4 * t], [0.1, 4 * t]]), np.array([[0.0, 4.0], [0.0, 4.0]])),
+        reach=((-0.2, 0.3), (-0.2, 0.2)),
+    )
     flow = dns.Simulation(grid, body, dt=0.01)
     with pytest.raises(ValueError, match="leaves its reach"):
         flow.run(0.5)
@@ -130,7 +140,9 @@ def test_plate_on_a_grid_that_does_not_suit_it_is_refused() -> None:
 
 
 def test_deflection_too_large_for_the_map_is_refused() -> None:
-    flow = dns.Simulation(dns.Grid.around_plate(cells=16, levels=2), dns.SharpPlate.oscillating(2.0, np.array([0.5])), dt=0.01)
+    flow = dns.Simulation(
+        dns.Grid.around_plate(cells=16, levels=2), dns.SharpPlate.oscillating(2.0, np.array([0.5])), dt=0.01
+    )
     with pytest.raises(dns.FlowError, match="too steep"):
         flow.run(2.0)
 

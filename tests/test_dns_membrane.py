@@ -78,8 +78,8 @@ def test_inertial_load_has_the_sine_coefficients_of_x_and_one() -> None:
 def test_energy_of_membrane_and_fluid_balances(amplitude: float) -> None:
     """A released membrane in fluid at rest: what it loses is in the fluid's motion or has been dissipated.
 
-    In units of the modal equation, mu W'^2 + V for the membrane, 4 times the fluid's integrals: kinetic energy 1/2 int gamma psi, dissipation
-    nu int omega^2.
+    In units of the modal equation, mu W'^2 + V for the membrane, 4 times the fluid's integrals: kinetic energy 1/2 int
+    gamma psi, dissipation nu int omega^2.
     """
     membrane = dns.Membrane(mass_ratio=0.5, law=LAW, n_modes=4, deflection=np.array([amplitude, 0.0, 0.0, 0.0]))
     flow = dns.Simulation(dns.Grid.around_plate(cells=20, levels=3), membrane, dt=0.01, stream=0.0)
@@ -110,7 +110,10 @@ def test_coupling_is_stable_for_light_membranes(mass_ratio: float) -> None:
     law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=5)
     motion = dns.Motion.sinusoidal(2.0, pitch=math.radians(2.5))
     flow = dns.Simulation(
-        dns.Grid.around_plate(cells=16, levels=3), dns.Membrane(mass_ratio=mass_ratio, law=law, n_modes=5), dt=math.pi / 120, motion=motion
+        dns.Grid.around_plate(cells=16, levels=3),
+        dns.Membrane(mass_ratio=mass_ratio, law=law, n_modes=5),
+        dt=math.pi / 120,
+        motion=motion,
     )
     history = flow.run(math.pi)
     # the third harmonic and beyond stay small: no growing sawtooth from step to step
@@ -131,6 +134,8 @@ def test_step_that_cannot_be_solved_says_so() -> None:
         def tangent(self, deflection: np.ndarray) -> np.ndarray:
             return np.eye(deflection.size)
 
-    flow = dns.Simulation(dns.Grid.around_plate(cells=16, levels=2), dns.Membrane(mass_ratio=0.5, law=Broken(), n_modes=3))
+    flow = dns.Simulation(
+        dns.Grid.around_plate(cells=16, levels=2), dns.Membrane(mass_ratio=0.5, law=Broken(), n_modes=3)
+    )
     with pytest.raises(dns.FlowError, match="smaller dt"):
         flow.step()

@@ -87,7 +87,9 @@ def test_nested_poisson_converges_to_a_gaussian_vortex(ny: int) -> None:
     errors = []
     for refine in (1, 2):
         n = refine * 48
-        grid = Grid(spacing=2.0 / n, shape=(n, refine * ny if ny % 2 == 0 else refine * 48 + 1), corner=(-1.0, -1.0), levels=5)
+        grid = Grid(
+            spacing=2.0 / n, shape=(n, refine * ny if ny % 2 == 0 else refine * 48 + 1), corner=(-1.0, -1.0), levels=5
+        )
         nested = NestedSolver(grid, 1e-12)
         radius = 0.25
         gamma = []
@@ -125,7 +127,7 @@ def test_regularisation_is_the_adjoint_of_interpolation_and_carries_the_force() 
     grid = Grid.around_plate(cells=16, levels=1)
     rng = np.random.default_rng(RNG_SEED)
     plate = sharp_plate_coupling(grid)[0]
-    points = rng.uniform(-0.3, 0.3, (7, 2)) + [0.5, 0.0]
+    points = rng.uniform(-0.3, 0.3, (7, 2)) + np.array([0.5, 0.0])
     for coupling in (plate, point_coupling(grid, points, Window.around(grid, points))):
         psi, force = rng.standard_normal(coupling.window.shape), rng.standard_normal(coupling.matrix.shape[0])
         source = coupling.source(force, grid.spacing)

@@ -10,14 +10,16 @@ import pytest
 mpl.use("Agg")
 
 from hbnlp import dns
-from hbnlp.dns.plotting import animate, plot_loads, plot_vorticity
+from hbnlp.dns.plot import animate, plot_loads, plot_vorticity
 from hbnlp.dns.response import MultiSine
 
 
 def _membrane_flow() -> dns.Simulation:
     law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=3)
     motion = dns.Motion.sinusoidal(2.0, pitch=0.05)
-    return dns.Simulation(dns.Grid.around_plate(cells=16, levels=2), dns.Membrane(mass_ratio=0.5, law=law, n_modes=3), motion=motion)
+    return dns.Simulation(
+        dns.Grid.around_plate(cells=16, levels=2), dns.Membrane(mass_ratio=0.5, law=law, n_modes=3), motion=motion
+    )
 
 
 def test_history_has_a_row_a_step_and_survives_a_file(tmp_path: Path) -> None:

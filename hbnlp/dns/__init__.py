@@ -1,10 +1,12 @@
-"""Incompressible flow past thin and closed bodies, alone or coupled with a membrane, by an immersed-boundary projection method.
+"""Incompressible flow past thin and closed bodies and membranes, by an immersed-boundary projection method.
 
-    >>> from hbnlp import dns
-    >>> flow = dns.Simulation(dns.Grid.around_plate(cells=25, levels=4), dns.SharpPlate(), motion=dns.Motion.at_incidence(2.0))
-    >>> history = flow.run(0.1)
-    >>> history.lift.shape
-    (9,)
+>>> from hbnlp import dns
+>>> flow = dns.Simulation(
+...     dns.Grid.around_plate(cells=25, levels=4), dns.SharpPlate(), motion=dns.Motion.at_incidence(2.0)
+... )
+>>> history = flow.run(0.1)
+>>> history.lift.shape
+(9,)
 """
 
 from hbnlp.dns._types import FlowError

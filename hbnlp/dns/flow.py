@@ -18,10 +18,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hbnlp.dns._types import Array, FlowError
+from hbnlp.dns._types import Array
 from hbnlp.dns.bodies import Body, MovingPoints, Points, SharpPlate
+from hbnlp.dns.deformed import Deformed
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.history import History, Record
+from hbnlp.dns.limits import check_courant, check_metric_diffusion, courant_number
 from hbnlp.dns.mapping import Metric
 from hbnlp.dns.membrane import Membrane, MembraneShape
 from hbnlp.dns.motion import Background, Motion
@@ -32,14 +34,10 @@ from hbnlp.dns.walls import FixedWall, MovingWall, Wall
 
 _log = logging.getLogger(__name__)
 
-# Adams-Bashforth with central differences at cell Reynolds numbers of a few stays stable up to about here (measured, docs/dns.md).
-CFL_LIMIT = 0.8
 _CFL_EVERY = 10
-# Passes over m(psi) a step. With psi extrapolated for the first, an even number is stable for metrics that stretch by less than about two, and
-# two leave a remainder of 1e-5 of the loads at slopes of 0.5 (measured, docs/dns.md).
-_SWEEPS = 2
-# Adams-Bashforth on the metric's part of diffusion: stable for (stretch - 1) * 8 nu dt / h^2 < 1.
-_METRIC_DIFFUSION_LIMIT = 1.0
+# Passes over m(psi) a step. With psi extrapolated for the first, an even number is stable for metrics that stretch by
+# less than about two, and two leave a remainder of 1e-5 of the loads at slopes of 0.5 (measured, docs/dns.md).
+_PASSES = 2
 
 Callback = Callable[["Simulation"], None]
 
@@ -85,13 +83,14 @@ class Simulation:
         step = 0.3 * grid.spacing if dt is None else dt
         if not (math.isfinite(step) and step > 0.0):
             raise ValueError(f"dt is {dt}; it must be positive and finite")
-        if abs(stream) * step > CFL_LIMIT * grid.spacing:
-            raise FlowError(_cfl_message(abs(stream) * step / grid.spacing, step))
+        check_courant(abs(stream) * step / grid.spacing, step, 0.0)
         self.grid, self.body, self.reynolds, self.dt = grid, body, reynolds, step
         self.motion = Motion() if motion is None else motion
         self._nested = NestedSolver(grid, step / reynolds)
         self._background = Background(grid, self.motion, stream)
         self.wall = _wall(grid, self._nested, step, body, self.motion)
+        plate_map = self.wall.map if isinstance(self.wall, PlateWall) else None
+        self._deformed = None if plate_map is None else Deformed(grid, self._nested, self._background, plate_map)
         nx, ny = grid.shape
         self.psi = np.zeros((grid.levels, nx + 1, ny + 1))
         self.gamma = np.zeros_like(self.psi)
@@ -126,17 +125,22 @@ class Simulation:
     def vorticity(self) -> Array:
         """Vorticity on the nodes of all levels, shape (levels, nx + 1, ny + 1)."""
         omega = self.gamma.copy()
-        if self._metric is not None:
-            omega[0][self._map_window()] /= self._metric.jacobian
+        if self._deformed is not None and self._metric is not None:
+            omega[0] = self._deformed.vorticity(self.gamma[0], self._metric)
         return omega
 
     def node_ordinates(self) -> Array:
         """Ordinates of the level-0 nodes in the frame, shape (nx + 1, ny + 1), moved with a deflected plate."""
         x, y = self.grid.nodes()
         ordinates = np.tile(y, (x.size, 1))
-        if self._metric is not None:
-            ordinates[self._map_window()] += self._metric.eta
+        if self._deformed is not None and self._metric is not None:
+            ordinates[self._deformed.window] += self._metric.eta
         return ordinates
+
+    def slip(self) -> Array:
+        """Velocities at the body's constraints now, all u then all v, as the no-slip condition sees them."""
+        psi = self.psi[0][self.wall.coupling.window.full] + self._background_at_body(self.time, self._metric)
+        return self.wall.coupling.velocities(psi)
 
     def run(self, until: float, *, callback: Callback | None = None) -> History:
         """Step up to a time, calling ``callback(self)`` after each step.
@@ -180,7 +184,11 @@ class Simulation:
             nested.to_nodes(solution.gamma[level], solution.gamma_edges[level], self.gamma[level])
             nested.to_nodes(solution.psi[level], solution.psi_edges[level], self.psi[level])
         self._metric = wall.metric()
-        self._restrict_vorticity()
+        inner = self.gamma[:, 1:-1, 1:-1]
+        if self._deformed is not None and self._metric is not None:
+            self._deformed.restrict_vorticity(inner, self.psi[0], self._metric)
+        else:
+            nested.restrict_all(inner)
         self.steps += 1
         self._records.append(self._record(reaction))
         wall.accept()
@@ -202,8 +210,8 @@ class Simulation:
     def restore(self, arrays: dict[str, Array]) -> None:
         """Continue from a state that `state` returned.
 
-        With the same dt and body the run continues bit for bit; with another body (say a plate that starts to move from steady flow) or another
-        dt it starts afresh from the saved flow at the saved time.
+        With the same dt and body the run continues bit for bit; with another body (say a plate that starts to move from
+        steady flow) or another dt it starts afresh from the saved flow at the saved time.
 
         Raises
         ------
@@ -216,11 +224,13 @@ class Simulation:
             raise ValueError(f"the state lacks {sorted(missing)}; it must come from Simulation.state or dns.save_state")
         if not np.array_equal(arrays["grid"], mine["grid"]):
             raise ValueError(
-                f"the state belongs to a grid with (h, nx, ny, x0, y0, levels) = {arrays['grid'].tolist()}, this one has "
-                f"{mine['grid'].tolist()}; build the simulation with the grid of the state"
+                f"the state belongs to a grid with (h, nx, ny, x0, y0, levels) = {arrays['grid'].tolist()}, "
+                f"this one has {mine['grid'].tolist()}; build the simulation with the grid of the state"
             )
         if arrays["reynolds"] != self.reynolds:
-            _log.warning("the state was computed at Re = %g and goes on at Re = %g", float(arrays["reynolds"]), self.reynolds)
+            _log.warning(
+                "the state was computed at Re = %g and goes on at Re = %g", float(arrays["reynolds"]), self.reynolds
+            )
         start, steps, dt = (float(value) for value in arrays["clock"])
         same_step = dt == self.dt
         self._start, self.steps = (start, round(steps)) if same_step else (start + steps * dt, 0)
@@ -235,28 +245,28 @@ class Simulation:
 
     def _project(self, rhs: Array, guess: Array, end: float, circulation: float) -> tuple[Solution, Array]:
         """Find forces and new fields; ``guess`` is the level-0 streamfunction that the metric terms start from."""
-        nested, transform, coupling = self._nested, self.wall.transform, self.wall.coupling
-        metric = self.wall.metric()
-        metric_hat = None
-        if metric is None:
-            nested.restrict_all(rhs)
+        nested, transform, coupling, deformed = self._nested, self.wall.transform, self.wall.coupling, self._deformed
+        metric, metric_hat, passes = self.wall.metric(), None, 1
+        if deformed is not None and metric is not None:
+            source = deformed.source(metric, guess)
+            deformed.restrict_rhs(rhs, source)
+            metric_hat, passes = sine_transform(source), _PASSES
         else:
-            source = self._metric_source(metric, guess)
-            metric_hat = sine_transform(source)
-            self._restrict_mapped(rhs, source)
+            nested.restrict_all(rhs)
         rhs_hat = [sine_transform(level) for level in rhs]
-        passes = 1 if metric is None else _SWEEPS
-        for index in range(passes):
+        while True:
             predicted = nested.solve(rhs_hat, metric_hat, circulation)
             slip = transform.evaluate(predicted.psi[0]) + self._background_at_body(end, metric)
             reaction = self.wall.respond(coupling.velocities(slip))
             forces_hat = transform.source(coupling.source(reaction, self.grid.spacing) * self.dt)
-            solution = nested.solve([a + b for a, b in zip(rhs_hat, forces_hat, strict=True)], metric_hat, circulation)
-            if index < passes - 1:
-                nested.to_nodes(solution.psi[0], solution.psi_edges[0], guess)
-                metric = self.wall.metric()
-                metric_hat = None if metric is None else sine_transform(self._metric_source(metric, guess))
-        return solution, reaction
+            driven = [level + forces for level, forces in zip(rhs_hat, forces_hat, strict=True)]
+            solution = nested.solve(driven, metric_hat, circulation)
+            passes -= 1
+            metric = self.wall.metric()
+            if passes == 0 or deformed is None or metric is None:
+                return solution, reaction
+            nested.to_nodes(solution.psi[0], solution.psi_edges[0], guess)
+            metric_hat = sine_transform(deformed.source(metric, guess))
 
     def _explicit(self) -> Array:
         """Right-hand sides of the step without the body's forces, at the interior nodes of all levels."""
@@ -281,43 +291,25 @@ class Simulation:
     def _convect(self, level: int, h: float, background: Array) -> Array:
         """Convection, and on level 0 the metric's part of diffusion, at the interior nodes of a level."""
         psi, gamma = self.psi[level] + background, self.gamma[level]
-        metric = self._metric
-        if level > 0 or metric is None:
+        deformed, metric = self._deformed, self._metric
+        if level > 0 or deformed is None or metric is None:
             u, v = node_velocity(psi, h)
             self._check(u, v, h)
             return advection(u, v, gamma, h)
-        window = self._map_window()
-        psi[window] = self.psi[0][window] + self._mapped_background(self.time, metric)
-        omega = gamma.copy()
-        omega[window] /= metric.jacobian
-        u, v = node_velocity(psi, h)
-        v[window[0].start : window[0].stop - 2, window[1]] -= metric.eta_rate[1:-1, :]
+        mapped = background.copy()
+        deformed.set_background(mapped, metric, self.time)
+        u, v = node_velocity(self.psi[0] + mapped, h)
+        deformed.add_grid_velocity(v, metric)
         self._check(u, v, h)
-        self._check_metric(metric)
+        check_metric_diffusion(metric.stretch_max, self.dt, 1.0 / self.reynolds, h, self.time)
+        omega = deformed.vorticity(gamma, metric)
         out = advection(u, v, omega, h)
-        out[self._map_interior()] -= (metric.rotation(omega[window]) + laplacian(gamma[window], h)) / self.reynolds
+        deformed.add_diffusion(out, omega, gamma, metric, 1.0 / self.reynolds)
         return out
 
     def _check(self, u: Array, v: Array, h: float) -> None:
-        if self.steps % _CFL_EVERY != 0:
-            return
-        speed = np.abs(u[1:-1, :])
-        speed += np.abs(v[:, 1:-1])
-        cfl = float(speed.max()) * self.dt / h
-        if not math.isfinite(cfl):
-            raise FlowError(
-                f"the flow is no longer finite at t = {self.time:.6g}: restart from a saved state with a smaller dt than {self.dt:.3g}"
-            )
-        if cfl > CFL_LIMIT:
-            raise FlowError(f"at t = {self.time:.6g} " + _cfl_message(cfl, self.dt))
-
-    def _check_metric(self, metric: Metric) -> None:
-        number = (metric.stretch_max - 1.0) * 8.0 * self.dt / (self.reynolds * self.grid.spacing**2)
-        if number > _METRIC_DIFFUSION_LIMIT:
-            raise FlowError(
-                f"at t = {self.time:.6g} the explicit diffusion of the deflected plate's metric has the number {number:.3g}, above the limit "
-                f"{_METRIC_DIFFUSION_LIMIT}: dt = {0.75 * self.dt / number:.2g} would do (dt is {self.dt:.4g})"
-            )
+        if self.steps % _CFL_EVERY == 0:
+            check_courant(courant_number(u, v, self.dt, h), self.dt, self.time)
 
     def _record(self, reaction: Array) -> Record:
         time = self.time
@@ -333,58 +325,21 @@ class Simulation:
             if wall.shape is not None:
                 deflection, rate = wall.shape.estimate
         return Record(
-            time, 2.0 * (force_y * c - force_x * s), 2.0 * (force_x * c + force_y * s), jump, coefficients, deflection, rate
+            time,
+            2.0 * (force_y * c - force_x * s),
+            2.0 * (force_x * c + force_y * s),
+            jump,
+            coefficients,
+            deflection,
+            rate,
         )
 
-    def _metric_source(self, metric: Metric, psi: Array) -> Array:
-        """m(psi) at the interior nodes of level 0."""
-        source = np.zeros(self._rhs.shape[1:])
-        source[self._map_interior()] = metric.source(psi[self._map_window()])
-        return source
-
-    def _restrict_mapped(self, rhs: Array, source: Array) -> None:
-        """Restrict right-hand sides such that coarser levels see the apparent vorticity gamma + m of the map."""
-        nested = self._nested
-        if self.grid.levels == 1:
-            return
-        nested.restrict(rhs[0], rhs[1])
-        apparent = np.zeros_like(source)
-        nested.restrict(source, apparent)
-        rhs[1] += nested.helmholtz(apparent, 1)
-        for level in range(1, self.grid.levels - 1):
-            nested.restrict(rhs[level], rhs[level + 1])
-
-    def _restrict_vorticity(self) -> None:
-        """Pass the new vorticity, with a map the apparent one, on to the coarser levels."""
-        inner = self.gamma[:, 1:-1, 1:-1]
-        if self._metric is None or self.grid.levels == 1:
-            self._nested.restrict_all(inner)
-            return
-        apparent = inner[0] + self._metric_source(self._metric, self.psi[0])
-        self._nested.restrict(apparent, inner[1])
-        for level in range(1, self.grid.levels - 1):
-            self._nested.restrict(inner[level], inner[level + 1])
-
     def _background_at_body(self, time: float, metric: Metric | None) -> Array:
-        window = self.wall.coupling.window.full
-        if metric is None:
-            return self._background.levels(time)[0][window]
-        psi = self._background.levels(time)[0].copy()
-        psi[self._map_window()] = self._mapped_background(time, metric)
-        return psi[window]
-
-    def _mapped_background(self, time: float, metric: Metric) -> Array:
-        window = self._map_window()
-        _, y = self.grid.nodes()
-        return self._background.fine(time, y[None, window[1]] + metric.eta, window)
-
-    def _map_window(self) -> tuple[slice, slice]:
-        assert isinstance(self.wall, PlateWall) and self.wall.map is not None  # noqa: S101
-        return self.wall.map.window
-
-    def _map_interior(self) -> tuple[slice, slice]:
-        assert isinstance(self.wall, PlateWall) and self.wall.map is not None  # noqa: S101
-        return self.wall.map.interior()
+        psi = self._background.levels(time)[0]
+        if self._deformed is not None and metric is not None:
+            psi = psi.copy()
+            self._deformed.set_background(psi, metric, time)
+        return np.asarray(psi[self.wall.coupling.window.full])
 
 
 def _wall(grid: Grid, nested: NestedSolver, dt: float, body: Body | Membrane, motion: Motion) -> Wall:
@@ -396,9 +351,3 @@ def _wall(grid: Grid, nested: NestedSolver, dt: float, body: Body | Membrane, mo
         shape = None if body.deflection is None else PrescribedShape(body)
         return PlateWall(grid, nested, dt, body.n_modes, shape)
     return PlateWall(grid, nested, dt, body.n_modes, MembraneShape(body, motion, dt))
-
-
-def _cfl_message(cfl: float, dt: float) -> str:
-    # round the advice down, so that following it is enough
-    advice = math.floor(1e4 * dt * 0.75 * CFL_LIMIT / cfl) / 1e4
-    return f"the Courant number (|u| + |v|) dt / h is {cfl:.3g}, above the limit {CFL_LIMIT}: dt = {advice:.4g} would do (dt is {dt:.4g})"

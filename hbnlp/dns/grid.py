@@ -16,7 +16,8 @@ _MIN_CELLS = 16
 class Grid:
     """Nested grids around a body; streamfunction and vorticity live on the nodes.
 
-    Level 0 is the fine box. Level ``l`` has the same number of cells, the spacing ``2**l * spacing`` and the same centre.
+    Level 0 is the fine box. Level ``l`` has the same number of cells, the spacing ``2**l * spacing`` and the same
+    centre.
 
     Parameters
     ----------
@@ -48,7 +49,9 @@ class Grid:
         if not (math.isfinite(self.spacing) and self.spacing > 0.0):
             raise ValueError(f"spacing is {self.spacing}; it must be positive and finite")
         if min(self.shape) < _MIN_CELLS:
-            raise ValueError(f"shape is {self.shape} cells; at least {_MIN_CELLS} each way are needed: refine or enlarge the box")
+            raise ValueError(
+                f"shape is {self.shape} cells; at least {_MIN_CELLS} each way are needed: refine or enlarge the box"
+            )
         if not all(math.isfinite(value) for value in self.corner):
             raise ValueError(f"corner is {self.corner}; it must be finite")
         if self.levels < 1:
@@ -56,7 +59,12 @@ class Grid:
 
     @classmethod
     def box(
-        cls, *, spacing: float = 0.02, x: tuple[float, float] = (-1.0, 2.0), y: tuple[float, float] = (-1.0, 1.0), levels: int = 6
+        cls,
+        *,
+        spacing: float = 0.02,
+        x: tuple[float, float] = (-1.0, 2.0),
+        y: tuple[float, float] = (-1.0, 1.0),
+        levels: int = 6,
     ) -> Grid:
         """Grid whose fine box covers x and y, enlarged to whole cells.
 
@@ -76,10 +84,17 @@ class Grid:
         # whole cells up to round-off; even numbers keep a node at the centre
         nx, ny = (2 * math.ceil((upper - lower) / (2.0 * spacing) - 1e-9) for lower, upper in (x, y))
         centre = (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]))
-        return cls(spacing=spacing, shape=(nx, ny), corner=(centre[0] - 0.5 * nx * spacing, centre[1] - 0.5 * ny * spacing), levels=levels)
+        return cls(
+            spacing=spacing,
+            shape=(nx, ny),
+            corner=(centre[0] - 0.5 * nx * spacing, centre[1] - 0.5 * ny * spacing),
+            levels=levels,
+        )
 
     @classmethod
-    def around_plate(cls, *, cells: int = 50, ahead: float = 1.0, behind: float = 1.0, above: float = 1.05, levels: int = 6) -> Grid:
+    def around_plate(
+        cls, *, cells: int = 50, ahead: float = 1.0, behind: float = 1.0, above: float = 1.05, levels: int = 6
+    ) -> Grid:
         """Grid for the sharp plate from (0, 0) to (1, 0): nodes at its ends, its line midway between two rows of nodes.
 
         Parameters
@@ -98,7 +113,10 @@ class Grid:
         front, rear = round(ahead * cells), round(behind * cells)
         ny = 2 * round(above * cells - 0.5) + 1
         return cls(
-            spacing=1.0 / cells, shape=(front + cells + rear, ny), corner=(-front / cells, -0.5 * ny / cells), levels=levels
+            spacing=1.0 / cells,
+            shape=(front + cells + rear, ny),
+            corner=(-front / cells, -0.5 * ny / cells),
+            levels=levels,
         )
 
     def cell(self, level: int) -> float:
@@ -107,7 +125,7 @@ class Grid:
 
     def cells(self) -> Array:
         """Cell size of every level, shape (levels,)."""
-        return self.spacing * 2.0 ** np.arange(self.levels)
+        return np.asarray(self.spacing * 2.0 ** np.arange(self.levels), dtype=np.float64)
 
     def nodes(self, level: int = 0) -> tuple[Array, Array]:
         """Node coordinates of a level, shapes (nx + 1,) and (ny + 1,)."""
@@ -115,7 +133,7 @@ class Grid:
         axes = []
         for cells, lower in zip(self.shape, self.corner, strict=True):
             centre = lower + 0.5 * cells * self.spacing
-            axes.append(centre + h * (np.arange(cells + 1) - 0.5 * cells))
+            axes.append(np.asarray(centre + h * (np.arange(cells + 1) - 0.5 * cells), dtype=np.float64))
         return axes[0], axes[1]
 
     def check_inside(self, points: Array, margin_cells: float, what: str) -> None:
@@ -125,6 +143,7 @@ class Grid:
         low, high = points.min(axis=0), points.max(axis=0)
         if low[0] < x[0] + margin or high[0] > x[-1] - margin or low[1] < y[0] + margin or high[1] > y[-1] - margin:
             raise ValueError(
-                f"{what} spans x = {low[0]:.4g} .. {high[0]:.4g}, y = {low[1]:.4g} .. {high[1]:.4g}, but it must stay {margin:.3g} inside "
-                f"the fine box x = {x[0]:.4g} .. {x[-1]:.4g}, y = {y[0]:.4g} .. {y[-1]:.4g}: enlarge the box or move the body"
+                f"{what} spans x = {low[0]:.4g} .. {high[0]:.4g}, y = {low[1]:.4g} .. {high[1]:.4g}, but it must stay "
+                f"{margin:.3g} inside the fine box x = {x[0]:.4g} .. {x[-1]:.4g}, y = {y[0]:.4g} .. {y[-1]:.4g}: "
+                "enlarge the box or move the body"
             )

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hbnlp.dns._types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -81,10 +85,17 @@ class History:
             **stacks,
         )
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw C_L and C_D over time; see `hbnlp.dns.plot.plot_loads`."""
+        from hbnlp.dns.plot import plot_loads  # noqa: PLC0415
+
+        return plot_loads(self, ax)
+
     def __repr__(self) -> str:
         if self.time.size == 0:
             return "History(no steps)"
         return (
             f"History({self.time.size} steps, t = {self.time[0]:.4g} .. {self.time[-1]:.4g},\n"
-            f"        last C_L = {self.lift[-1]:.4g}, C_D = {self.drag[-1]:.4g}, {self.deflection.shape[1]} modes of deflection)"
+            f"        last C_L = {self.lift[-1]:.4g}, C_D = {self.drag[-1]:.4g}, "
+            f"{self.deflection.shape[1]} modes of deflection)"
         )

@@ -1,7 +1,8 @@
 """Between grid and body: interpolation of velocities to points and, by its transpose, regularisation of point forces.
 
-A `Coupling` is the sparse matrix Q from streamfunction values in a window of nodes to the constrained velocity components (all u first, then
-all v). A force F on the points is the vorticity source ``Q.T @ F / h**2``, so interpolation and regularisation are adjoint by construction.
+A `Coupling` is the sparse matrix Q from streamfunction values in a window of nodes to the constrained velocity
+components (all u first, then all v). A force F on the points is the vorticity source ``Q.T @ F / h**2``, so
+interpolation and regularisation are adjoint by construction.
 
 References
 ----------
@@ -118,7 +119,8 @@ def point_coupling(grid: Grid, points: Array, window: Window, kernel: Callable[[
     if low[0] < x_low + 2 * h or high[0] > x_high - 2 * h or low[1] < y_low + 2 * h or high[1] > y_high - 2 * h:
         raise ValueError(
             f"the body spans x = {low[0]:.4g} .. {high[0]:.4g}, y = {low[1]:.4g} .. {high[1]:.4g} and leaves its reach "
-            f"x = {x_low:.4g} .. {x_high:.4g}, y = {y_low:.4g} .. {y_high:.4g} (two cells of margin): give it a larger reach"
+            f"x = {x_low:.4g} .. {x_high:.4g}, y = {y_low:.4g} .. {y_high:.4g} (two cells of margin): "
+            "give it a larger reach"
         )
     in_cells = (points - [x_low, y_low]) / h
     at_x, at_y = _local_weights(in_cells[:, 0], kernel), _local_weights(in_cells[:, 1], kernel)
@@ -131,7 +133,8 @@ def point_coupling(grid: Grid, points: Array, window: Window, kernel: Callable[[
 def sharp_plate_coupling(grid: Grid) -> tuple[Coupling, Array, Array]:
     """Coupling of the infinitely thin plate from (0, 0) to (1, 0) on a line of u-points.
 
-    u is taken at the nodes between the ends, v as the mean above and below at the cell middles: no regularisation across the plate.
+    u is taken at the nodes between the ends, v as the mean above and below at the cell middles: no regularisation
+    across the plate.
 
     Returns
     -------
@@ -143,7 +146,8 @@ def sharp_plate_coupling(grid: Grid) -> tuple[Coupling, Array, Array]:
     Raises
     ------
     ValueError
-        If the plate's ends are no nodes or its line is not midway between rows of nodes (the constraints would be singular).
+        If the plate's ends are no nodes or its line is not midway between rows of nodes (the constraints would be
+        singular).
     """
     h = grid.spacing
     start = -grid.corner[0] / h
@@ -152,8 +156,8 @@ def sharp_plate_coupling(grid: Grid) -> tuple[Coupling, Array, Array]:
     for value, what in ((start, "leading edge"), (start + cells, "trailing edge"), (row, "line")):
         if abs(value - round(value)) > 1e-6:
             raise ValueError(
-                f"the plate's {what} is {value - np.floor(value):.3g} cells off its place on the grid (ends on nodes, line midway between "
-                "rows of nodes): use Grid.around_plate"
+                f"the plate's {what} is {value - np.floor(value):.3g} cells off its place on the grid "
+                "(ends on nodes, line midway between rows of nodes): use Grid.around_plate"
             )
     i0, n, j0 = round(start), round(cells), round(row)
     ends = np.array([[0.0, 0.0], [1.0, 0.0]])
@@ -172,11 +176,11 @@ def sharp_plate_coupling(grid: Grid) -> tuple[Coupling, Array, Array]:
     )
     columns = [(x_middles + right) * wy + below + up for right in (0, 1) for up in (0, 1)]
     v = sp.coo_array(
-        (0.5 * np.concatenate([one, one, -one, -one]), (np.tile(np.arange(n), 4), np.concatenate(columns))), shape=(n, wx * wy)
+        (0.5 * np.concatenate([one, one, -one, -one]), (np.tile(np.arange(n), 4), np.concatenate(columns))),
+        shape=(n, wx * wy),
     )
-    return Coupling(sp.csr_array(sp.vstack([u, v])), window), np.arange(1, n) * h, (np.arange(n) + 0.5) * h
-
-
+    x_u, x_v = (np.asarray(part * h, dtype=np.float64) for part in (np.arange(1, n), np.arange(n) + 0.5))
+    return Coupling(sp.csr_array(sp.vstack([u, v])), window), x_u, x_v
 
 
 Local = tuple[NDArray[np.int_], Array]

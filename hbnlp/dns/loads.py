@@ -31,7 +31,9 @@ def neglected_inertia(history: History, motion: Motion, mass_ratio: float) -> fl
         If the record has no deflection or no load.
     """
     if history.deflection.size == 0 or not np.any(history.coefficients):
-        raise ValueError("the record has no deflection or no load; a run of a Membrane or a deflected SharpPlate is needed")
+        raise ValueError(
+            "the record has no deflection or no load; a run of a Membrane or a deflected SharpPlate is needed"
+        )
     rates = np.array([motion.pitch(time)[1] for time in history.time])
     centrifugal = 2.0 * mass_ratio * np.abs(rates[:, None] ** 2 * history.deflection).max()
     return float(centrifugal / np.abs(history.coefficients).max())

@@ -1,13 +1,13 @@
 """A coordinate map that keeps a deflected plate on its grid line.
 
-Physical ordinate y = Y + eta(X, Y, t), eta = w(X, t) taper(X) taper(Y), with X = x: the plate y = w is always Y = 0. With
-J = 1 + eta_Y the contravariant fluxes U = psi_Y = J u, V = -psi_X = v - u eta_X are the discrete curl of psi, and the circulation per cell
-gamma = J omega is the discrete rotation of the covariant velocities,
+Physical ordinate y = Y + eta(X, Y, t), eta = w(X, t) taper(X) taper(Y), with X = x: the plate y = w is always Y = 0.
+With J = 1 + eta_Y the contravariant fluxes U = psi_Y = J u, V = -psi_X = v - u eta_X are the discrete curl of psi, and
+the circulation per cell gamma = J omega is the discrete rotation of the covariant velocities,
 
     u_1 = (1 + eta_X^2) / J  U + eta_X V,      u_2 = J V + eta_X U,     gamma = rot(u_1, u_2)
 
-The metric has determinant one. Because no-slip is imposed on (U, V) and the force is covariant, the body matrix of the undeformed plate serves
-unchanged; what the metric adds to the plain operators is the source
+The metric has determinant one. Because no-slip is imposed on (U, V) and the force is covariant, the body matrix of the
+undeformed plate serves unchanged; what the metric adds to the plain operators is the source
 
     m(psi) = rot((I - metric) curl psi),      - Lap psi = gamma + m(psi).
 
@@ -27,7 +27,8 @@ from hbnlp.dns.stencils import curl, rot
 
 _MIN_ROOM = 0.25
 _MIN_JACOBIAN = 0.2
-# The two passes of the flow solver over m(psi) converge in time for stretches up to 1 + 1 in theory; measured stable up to 2.26 (trace 2.7).
+# The two passes of the flow solver over m(psi) converge in time for stretches up to 1 + 1 in theory; measured stable up
+# to 2.26 (trace 2.7).
 _MAX_STRETCH = 2.2
 
 
@@ -47,8 +48,9 @@ def _smoothstep(r: Array) -> tuple[Array, Array]:
 class Metric:
     """Metric of one deflection, on the part of level 0 where the map acts.
 
-    ``stretch`` (1 + eta_X^2) / J on u-points, ``squeeze`` J on v-points, ``slope`` eta_X at cell middles, ``jacobian`` J on nodes, ``eta`` and
-    ``eta_rate`` on nodes. ``stretch_max`` is the larger eigenvalue of the metric, the largest over the plane; the other is its inverse.
+    ``stretch`` (1 + eta_X^2) / J on u-points, ``squeeze`` J on v-points, ``slope`` eta_X at cell middles, ``jacobian``
+    J on nodes, ``eta`` and ``eta_rate`` on nodes. ``stretch_max`` is the larger eigenvalue of the metric, the largest
+    over the plane; the other is its inverse.
     """
 
     stretch: Array
@@ -63,7 +65,8 @@ class Metric:
     def lower(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Covariant components of contravariant fluxes: u of shape (nx + 1, ny), v of shape (nx, ny + 1).
 
-        The cross terms are taken at cell middles, so that the operator is symmetric; they leave out the outermost cells, where eta = 0.
+        The cross terms are taken at cell middles, so that the operator is symmetric; they leave out the outermost
+        cells, where eta = 0.
         """
         u_lower = self.stretch * u
         v_lower = self.squeeze * v
@@ -97,7 +100,8 @@ class PlateMap:
     Raises
     ------
     ValueError
-        If the fine box leaves less than a quarter chord around the plate, or the grid has fewer than 2.5 cells to the shortest half wave.
+        If the fine box leaves less than a quarter chord around the plate, or the grid has fewer than 2.5 cells to the
+        shortest half wave.
     """
 
     def __init__(self, grid: Grid, n_modes: int) -> None:
@@ -105,14 +109,15 @@ class PlateMap:
         h = grid.spacing
         if n_modes < 1 or n_modes * h > 0.4 + 1e-12:
             raise ValueError(
-                f"{n_modes} sine modes on a plate of {round(1 / h)} cells: between 1 and {int(0.4 / h)} (2.5 cells a half wave) are accepted"
+                f"{n_modes} sine modes on a plate of {round(1 / h)} cells: between 1 and {int(0.4 / h)} "
+                "(2.5 cells a half wave) are accepted"
             )
         # the map ends two cells before the border, where the coarser level takes over
         room = [-x[0] - 3 * h, x[-1] - 1.0 - 3 * h, min(-y[0], y[-1]) - 3 * h]
         if min(room) < _MIN_ROOM:
             raise ValueError(
-                f"the fine box leaves {min(room):.3g} chords around the plate for the coordinate map; at least {_MIN_ROOM} are needed: "
-                "enlarge the box (Grid.around_plate(ahead=, behind=, above=))"
+                f"the fine box leaves {min(room):.3g} chords around the plate for the coordinate map; "
+                f"at least {_MIN_ROOM} are needed: enlarge the box (Grid.around_plate(ahead=, behind=, above=))"
             )
         ahead, behind, height = (min(value, 1.0) for value in room)
         i0, i1 = np.searchsorted(x, [-ahead - 1.5 * h, 1.0 + behind + 1.5 * h])
@@ -122,7 +127,10 @@ class PlateMap:
         self.n_modes = n_modes
         self.x, self.y = x[self.window[0]], y[self.window[1]]
         self._shapes = [_tapered_modes(self._points(self.x, half), n_modes, ahead, behind) for half in (False, True)]
-        self._tapers = [tuple(part / height**n for n, part in enumerate(_bump(self._points(self.y, half) / height))) for half in (False, True)]
+        self._tapers = [
+            tuple(part / height**n for n, part in enumerate(_bump(self._points(self.y, half) / height)))
+            for half in (False, True)
+        ]
 
     @staticmethod
     def _points(axis: Array, half: bool) -> Array:
@@ -134,7 +142,8 @@ class PlateMap:
         Raises
         ------
         FlowError
-            If the map is too steep: slopes of the membrane above about 0.8, or a deflection too large for the height of the fine box.
+            If the map is too steep: slopes of the membrane above about 0.8, or a deflection too large for the height of
+            the fine box.
         """
         (modes, slopes), (modes_half, slopes_half) = self._shapes
         (taper, taper_slope), (taper_half, taper_slope_half) = self._tapers

@@ -2,9 +2,9 @@
 
     2 mu W_k'' + S_k(W) = dCp_k + C_f,k,        C_f = 2 mu (alpha'' x - z'')
 
-Within a time step the fluid answers the rates W' at its end by an affine load, dCp_k = load + response @ W' (``response`` holds the added
-mass over dt). The structure's step, the average vector field method, which keeps its energy balance exactly, is solved by Newton with that
-load inside, so that no ratio of masses can make it unstable.
+Within a time step the fluid answers the rates W' at its end by an affine load, dCp_k = load + response @ W'
+(``response`` holds the added mass over dt). The structure's step, the average vector field method, which keeps its
+energy balance exactly, is solved by Newton with that load inside, so that no ratio of masses can make it unstable.
 
 References
 ----------
@@ -13,6 +13,7 @@ Quispel and McLaren (2008), doi:10.1088/1751-8113/41/4/045206.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -66,14 +67,17 @@ class Membrane:
             raise ValueError(f"mass_ratio is {self.mass_ratio}; it must be finite and not negative")
         for name, value in (("deflection", self.deflection), ("rate", self.rate)):
             if value is not None and (np.shape(value) != (self.n_modes,) or not np.isfinite(value).all()):
-                raise ValueError(f"{name} has shape {np.shape(value)}; finite values of shape ({self.n_modes},) are needed")
+                raise ValueError(
+                    f"{name} has shape {np.shape(value)}; finite values of shape ({self.n_modes},) are needed"
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
 class NonlinearTension:
-    """Exact tension of a stretched membrane: -c_T w_xx (1 + w_x^2)^(-3/2) with c_T = 2 Eh (delta0 + delta), delta the exact arc length less one.
+    """Exact tension of a stretched membrane, -c_T w_xx (1 + w_x^2)^(-3/2).
 
-    It derives from the potential V = 2 Eh (delta0 + delta)^2: integrating by parts, S_k = 2 c_T d(delta)/dW_k = dV/dW_k.
+    c_T = 2 Eh (delta0 + delta) with delta the exact arc length less one. The force derives from the potential V = 2 Eh
+    (delta0 + delta)^2: integrating by parts, S_k = 2 c_T d(delta)/dW_k = dV/dW_k.
 
     Parameters
     ----------
@@ -84,7 +88,8 @@ class NonlinearTension:
     n_modes : int
         Number of sine modes.
     points : int
-        Quadrature points along the chord; the midpoint rule converges spectrally here, as the integrand is smooth and periodic.
+        Quadrature points along the chord; the midpoint rule converges spectrally here, as the integrand is smooth and
+        periodic.
     """
 
     stretching: float
@@ -188,7 +193,10 @@ class MembraneShape(Shape):
         self._membrane = membrane
         self._inertia = inertial_load(membrane.mass_ratio, membrane.n_modes, motion)
         self._dt = dt
-        start = [np.zeros(membrane.n_modes) if value is None else np.array(value, dtype=float) for value in (membrane.deflection, membrane.rate)]
+        start = [
+            np.zeros(membrane.n_modes) if value is None else np.array(value, dtype=float)
+            for value in (membrane.deflection, membrane.rate)
+        ]
         self.current = self.estimate = (start[0], start[1])
         self._last_rate = start[1]
         self._forcing = np.zeros(membrane.n_modes)
@@ -207,11 +215,13 @@ class MembraneShape(Shape):
         linear = mass * np.eye(rate.size) - response
         new = self.estimate[1].copy()
         scale = 1.0 + float(np.abs(forcing).max())
+        worst = math.inf
         for _ in range(_NEWTON_STEPS):
             change = 0.5 * self._dt * (rate + new)
             force, tangent = self._mean_force(deflection, change)
             residual = linear @ new + force - forcing
-            if not np.isfinite(residual).all():
+            worst = float(np.abs(residual).max())
+            if not math.isfinite(worst):
                 break
             correction = np.linalg.solve(linear + 0.5 * self._dt * tangent, residual)
             new = new - correction
@@ -219,7 +229,7 @@ class MembraneShape(Shape):
                 self.estimate = (deflection + 0.5 * self._dt * (rate + new), new)
                 return new
         raise FlowError(
-            f"the membrane's step did not converge in {_NEWTON_STEPS} Newton iterations (residual {np.abs(residual).max():.2e}): "
+            f"the membrane's step did not converge in {_NEWTON_STEPS} Newton iterations (residual {worst:.2e}): "
             "take a smaller dt, and check that the force law and its tangent agree"
         )
 

@@ -4,8 +4,8 @@ In the body frame the flow relative to the grid, besides that of the vorticity, 
 
     psi_b = a y - b x - alpha' (x^2 + y^2) / 2,   a = U cos(alpha) + z' sin(alpha),   b = U sin(alpha) - z' cos(alpha)
 
-(pitch nose-up about the leading edge, heave upward; derivation in docs/dns.md). Vorticity is that of the absolute flow, so that no fictitious
-force appears.
+(pitch nose-up about the leading edge, heave upward; derivation in docs/dns.md). Vorticity is that of the absolute flow,
+so that no fictitious force appears.
 """
 
 from __future__ import annotations
@@ -61,7 +61,8 @@ class Motion:
             return mean + amplitude * s, amplitude * omega * c, -amplitude * omega**2 * s
 
         return cls(
-            pitch=lambda time: sine(pitch, mean_pitch, time), heave=lambda time: sine(heave + axis * pitch, axis * mean_pitch, time)
+            pitch=lambda time: sine(pitch, mean_pitch, time),
+            heave=lambda time: sine(heave + axis * pitch, axis * mean_pitch, time),
         )
 
 

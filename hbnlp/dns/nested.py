@@ -4,9 +4,9 @@ On every level, from the coarsest inwards, with boundary values interpolated fro
 
     (1 - nu dt / 2 Lap) gamma = rhs,        - Lap psi = gamma + m
 
-are solved together in the space of sine coefficients, so that a step needs one transform forwards and two backwards a level instead of the
-eight of solving them one after another. What a coarse level needs of the region that a finer one covers is restricted right-hand side: the
-restriction keeps circulation and its first moments.
+are solved together in the space of sine coefficients, so that a step needs one transform forwards and two backwards a
+level instead of the eight of solving them one after another. What a coarse level needs of the region that a finer one
+covers is restricted right-hand side: the restriction keeps circulation and its first moments.
 
 References
 ----------
@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy.fft
@@ -28,7 +29,7 @@ from hbnlp.dns.stencils import laplacian
 
 @dataclass(frozen=True)
 class Edges:
-    """Boundary values of a level: sides of shape (2, ny + 1), left and right; ends of shape (nx + 1, 2), bottom and top."""
+    """Boundary values of a level: sides, left and right, of shape (2, ny + 1); ends, bottom and top, (nx + 1, 2)."""
 
     sides: Array
     ends: Array
@@ -41,7 +42,7 @@ class Edges:
 
 @dataclass(frozen=True)
 class Solution:
-    """Sine coefficients of vorticity and streamfunction, a list of levels of shape (nx - 1, ny - 1), with each level's boundary values."""
+    """Sine coefficients of vorticity and streamfunction by level, shape (nx - 1, ny - 1), with boundary values."""
 
     gamma: list[Array]
     psi: list[Array]
@@ -90,13 +91,16 @@ class NestedSolver:
         self._overlap = (_overlap(nx), _overlap(ny))
         self._log_distance = self._outer_log_distance()
 
-    def solve(self, rhs_hat: Sequence[Array] | Array, metric_hat: Array | None = None, circulation: float = 0.0) -> Solution:
+    def solve(
+        self, rhs_hat: Sequence[Array] | Array, metric_hat: Array | None = None, circulation: float = 0.0
+    ) -> Solution:
         """Solve both equations on all levels.
 
         Parameters
         ----------
         rhs_hat : sequence of ndarray
-            Sine coefficients of the Helmholtz right-hand sides, without boundary terms, of shape (nx - 1, ny - 1), finest level first.
+            Sine coefficients of the Helmholtz right-hand sides, without boundary terms, of shape (nx - 1, ny - 1),
+            finest level first.
         metric_hat : ndarray of shape (nx - 1, ny - 1), optional
             Sine coefficients of the source m on level 0.
         circulation : float
@@ -130,7 +134,7 @@ class NestedSolver:
         edges.write(out)
 
     def restrict(self, fine: Array, coarse: Array) -> None:
-        """Overwrite the covered part of a coarse level by the restriction of the level inside it; both are interior node values."""
+        """Overwrite the covered part of a coarse level's interior node values by the finer level's, restricted."""
         (cx, fx), (cy, fy) = self._overlap
         half = np.zeros((cx.stop - cx.start, fine.shape[1]))
         for k, weight in enumerate(self._weights[0]):
@@ -142,14 +146,14 @@ class NestedSolver:
             covered += weight * half[:, fy + k : fy + k + 2 * count - 1 : 2]
 
     def restrict_all(self, fields: Array) -> None:
-        """Restrict interior node values of shape (levels, nx - 1, ny - 1) from every level to the next, in place."""
-        for level in range(self.grid.levels - 1):
-            self.restrict(fields[level], fields[level + 1])
+        """Restrict interior node values of successive levels, shape (n, nx - 1, ny - 1), each to the next, in place."""
+        for fine, coarse in pairwise(fields):
+            self.restrict(fine, coarse)
 
     def helmholtz(self, field: Array, level: int) -> Array:
         """Apply 1 - nu dt / 2 Lap to interior node values that vanish near the boundary."""
         padded = np.pad(field, 1)
-        return field - (self._kappa[level] * self._cell2[level]) * laplacian(padded, self.grid.cell(level))
+        return np.asarray(field - (self._kappa[level] * self._cell2[level]) * laplacian(padded, self.grid.cell(level)))
 
     def _edges_inside(self, coefficients: Array) -> Edges:
         (to_x, border_x), (to_y, border_y) = self._to_finer
@@ -165,12 +169,13 @@ class NestedSolver:
         x, y = x - x.mean(), y - y.mean()
         scale = max(x[-1], y[-1])
         return Edges(
-            np.log(np.hypot(x[[0, -1], None], y[None, :]) / scale), np.log(np.hypot(x[:, None], y[None, [0, -1]]) / scale)
+            np.log(np.hypot(x[[0, -1], None], y[None, :]) / scale),
+            np.log(np.hypot(x[:, None], y[None, [0, -1]]) / scale),
         )
 
 
 def _cubic_interpolation(cells: int) -> Array:
-    """Four-point Lagrange interpolation along one direction from the nodes of a level to those of the level inside it."""
+    """Four-point Lagrange interpolation in one direction from a level's nodes to those of the level inside it."""
     positions = 0.5 * (np.arange(cells + 1) - 0.5 * cells) + 0.5 * cells
     matrix = np.zeros((cells + 1, cells + 1))
     for row, position in enumerate(positions):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 from types import TracebackType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tqdm import tqdm
@@ -12,6 +13,9 @@ from tqdm import tqdm
 from hbnlp.dns._types import Array
 from hbnlp.dns.flow import Callback, Simulation
 from hbnlp.dns.storage import save_state
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class ProgressBar:
@@ -28,12 +32,14 @@ class ProgressBar:
     def __init__(self, until: float, *, label: str = "flow") -> None:
         self._until = until
         self._label = label
-        self._bar: tqdm[None] | None = None
+        self._bar: tqdm[Any] | None = None
 
     def __enter__(self) -> ProgressBar:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if self._bar is not None:
             self._bar.close()
 
@@ -85,6 +91,12 @@ class Snapshot:
     outline: Array
     pitch: float
     heave: float
+
+    def plot(self, ax: Axes | None = None, *, limit: float = 5.0) -> Axes:
+        """Draw vorticity and body; see `hbnlp.dns.plot.plot_vorticity`."""
+        from hbnlp.dns.plot import plot_vorticity  # noqa: PLC0415
+
+        return plot_vorticity(self, ax, limit=limit)
 
     @classmethod
     def of(cls, simulation: Simulation) -> Snapshot:

@@ -31,7 +31,7 @@ class Shape(ABC):
 
     @abstractmethod
     def rates(self, load: Array, response: Array) -> Array:
-        """W' at the end of the step when the load over it is dCp_k = load + response @ W'; also updates the estimate."""
+        """W' at the end of the step if the load over it is dCp_k = load + response @ W'; also updates the estimate."""
 
     def accept(self) -> None:
         """Make the estimate the current state."""
@@ -42,7 +42,7 @@ class Shape(ABC):
         return {"W": self.current[0], "W_rate": self.current[1]}
 
     def restore(self, arrays: dict[str, Array], time: float) -> None:
-        """Set the state at ``time`` from arrays as `state` returned them; an empty dict keeps the initial deflection."""
+        """Set the state at ``time`` from arrays of `state`; an empty dict keeps the initial deflection."""
         del time
         if arrays:
             self.current = self.estimate = (arrays["W"], arrays["W_rate"])
@@ -64,8 +64,8 @@ class PrescribedShape(Shape):
         values = tuple(np.asarray(part, dtype=float) for part in self._deflection(time))
         if len(values) != 2 or any(part.shape != (self._n_modes,) or not np.isfinite(part).all() for part in values):
             raise ValueError(
-                f"deflection({time:.6g}) returned arrays of shapes {[part.shape for part in values]}; two finite ones of shape "
-                f"({self._n_modes},) are needed, W and W'"
+                f"deflection({time:.6g}) returned arrays of shapes {[part.shape for part in values]}; "
+                f"two finite ones of shape ({self._n_modes},) are needed, W and W'"
             )
         self.estimate = (values[0], values[1])
 
@@ -102,7 +102,8 @@ class PlateWall(Wall):
         self.coupling, self.x_u, self.x_v = sharp_plate_coupling(grid)
         self.transform = WindowTransform(nested, self.coupling.window)
         self._factor = Factor(
-            body_matrix(self.transform, self.coupling, dt, grid.spacing), "use Grid.around_plate, whose nodes suit the plate"
+            body_matrix(self.transform, self.coupling, dt, grid.spacing),
+            "use Grid.around_plate, whose nodes suit the plate",
         )
         self.spacing = grid.spacing
         if not 1 <= n_modes < self.x_v.size:
@@ -154,9 +155,10 @@ class PlateWall(Wall):
         return np.asarray(self._slopes @ (0.5 * (self.shape.current[0] + self.shape.estimate[0])))
 
     def pressure_jump(self, reaction: Array, slope: Array) -> Array:
-        """dCp = 2 (p_low - p_up) at the v-points from the covariant forces on the fluid and the slope there, shape (n,).
+        """Pressure jump dCp = 2 (p_low - p_up) at the v-points, shape (n,), from the covariant forces on the fluid.
 
-        The force along y is f_2, that along the surface f_1 / sqrt(1 + w_x^2): f_2 less the part of the friction along y is the pressure's.
+        The force along y is f_2, that along the surface f_1 / sqrt(1 + w_x^2): f_2 less the part of the friction along
+        y is the pressure's.
         """
         n_u = self.x_u.size
         friction = np.convolve(reaction[:n_u], [0.5, 0.5])

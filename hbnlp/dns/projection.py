@@ -1,7 +1,7 @@
 """The projection: forces on the body that make the new velocity satisfy the no-slip condition.
 
-With Q from `kernels` and the fluid's response matrix G (vorticity source in a window of nodes to streamfunction in that window, after implicit
-diffusion and the Poisson equation on all levels),
+With Q from `kernels` and the fluid's response matrix G (vorticity source in a window of nodes to streamfunction in that
+window, after implicit diffusion and the Poisson equation on all levels),
 
     B F = u_body - Q psi_star,        B = dt / h^2  Q G Q^T
 
@@ -21,7 +21,7 @@ from hbnlp.dns.nested import NestedSolver, Solution
 
 # Beyond this condition number the forces keep fewer than four digits of double precision.
 _MAX_CONDITION = 1e12
-_MAX_WINDOW_NODES = 12000
+_MAX_WINDOW_NODES = 8000
 
 
 class WindowTransform:
@@ -83,7 +83,8 @@ def window_matrix(transform: WindowTransform) -> Array:
     size = shape[0] * shape[1]
     if size > _MAX_WINDOW_NODES:
         raise ValueError(
-            f"the reach of the moving body has {size} nodes, above {_MAX_WINDOW_NODES} (its matrix would take {8e-9 * size**2:.1f} GB): "
+            f"the reach of the moving body has {size} nodes, above {_MAX_WINDOW_NODES} "
+            f"(its matrix would take {8e-9 * size**2:.1f} GB): "
             "give a smaller reach or a coarser grid, or use a frame that moves with the body"
         )
     matrix = np.empty((size, size))
@@ -120,8 +121,8 @@ class Factor:
         self.condition = np.inf if reciprocal == 0.0 else 1.0 / reciprocal
         if self.condition > _MAX_CONDITION:
             raise FlowError(
-                f"the body matrix is singular to working precision (condition number {self.condition:.1e}, accepted up to "
-                f"{_MAX_CONDITION:.0e}): {advice}"
+                f"the body matrix is singular to working precision (condition number {self.condition:.1e}, "
+                f"accepted up to {_MAX_CONDITION:.0e}): {advice}"
             )
         self._factors = (lu, pivots)
 

@@ -1,7 +1,8 @@
 """Linear frequency response of the sharp plate from runs with small motions: one run an input, all frequencies at once.
 
-The input is a sum of sines at multiples of the lowest frequency, of an amplitude at which the response is linear to round-off's cube; after
-a settling time a period of the lowest frequency is whole in all of them, and least squares give the complex harmonics of the loads.
+The input is a sum of sines at multiples of the lowest frequency, of an amplitude at which the response is linear to
+round-off's cube; after a settling time a period of the lowest frequency is whole in all of them, and least squares give
+the complex harmonics of the loads.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ def harmonics(time: Array, values: Array, omegas: Array) -> Array:
     Raises
     ------
     ValueError
-        If the record is shorter than a period of the lowest frequency, or the frequencies are not positive and distinct.
+        If the record is shorter than a period of the lowest frequency, or the frequencies are not positive and
+        distinct.
     """
     omegas = np.asarray(omegas, dtype=float)
     if omegas.size == 0 or omegas.min() <= 0.0 or np.unique(omegas).size < omegas.size:
@@ -46,7 +48,10 @@ def harmonics(time: Array, values: Array, omegas: Array) -> Array:
     period = 2.0 * math.pi / omegas.min()
     step = (time[-1] - time[0]) / max(time.size - 1, 1)
     if time.size < 2 or time.size * step < period * (1.0 - 1e-6) - step:
-        raise ValueError(f"the record lasts {time.size * step:.4g}; one period of the lowest frequency, {period:.4g}, is needed: run longer")
+        raise ValueError(
+            f"the record lasts {time.size * step:.4g}; one period of the lowest frequency, "
+            f"{period:.4g}, is needed: run longer"
+        )
     phase = np.outer(time, omegas)
     basis = np.hstack([np.ones((time.size, 1)), np.cos(phase), np.sin(phase)])
     flat = values.reshape(time.size, -1)
@@ -86,13 +91,21 @@ class MultiSine:
         phase = w * (time - self.start) - math.pi * np.arange(w.size) ** 2 / w.size
         sine, cosine = np.sin(phase), np.cos(phase)
         value, rate, acceleration = sine.sum(), (w * cosine).sum(), -(w**2 * sine).sum()
-        f, df, ddf = (1.0, 0.0, 0.0) if r >= 1.0 else (
-            r**3 * (10.0 - 15.0 * r + 6.0 * r**2),
-            30.0 * r**2 * (1.0 - r) ** 2 / self.ramp,
-            60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / self.ramp**2,
+        f, df, ddf = (
+            (1.0, 0.0, 0.0)
+            if r >= 1.0
+            else (
+                r**3 * (10.0 - 15.0 * r + 6.0 * r**2),
+                30.0 * r**2 * (1.0 - r) ** 2 / self.ramp,
+                60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / self.ramp**2,
+            )
         )
         a = self.amplitude
-        return float(a * f * value), float(a * (f * rate + df * value)), float(a * (f * acceleration + 2.0 * df * rate + ddf * value))
+        return (
+            float(a * f * value),
+            float(a * (f * rate + df * value)),
+            float(a * (f * acceleration + 2.0 * df * rate + ddf * value)),
+        )
 
 
 @dataclass(frozen=True)
@@ -108,8 +121,8 @@ class LinearResponse:
     coefficients : ndarray of shape (n, n_modes), complex
         dCp_k per unit of the input.
     drift : float
-        Change of the column from a window a quarter period earlier to the measured one, relative to its norm, the largest over the frequencies:
-        what is left of the start.
+        Change of the column from a window a quarter period earlier to the measured one, relative to its norm, the
+        largest over the frequencies: what is left of the start.
     """
 
     omega: Array
@@ -153,7 +166,8 @@ def linear_response(
     amplitude : float
         Amplitude of each sine.
     periods : float
-        Periods of ``base`` to run, at least 1.5; the input starts during the first quarter, the last period is evaluated.
+        Periods of ``base`` to run, at least 1.5; the input starts during the first quarter, the last period is
+        evaluated.
     callback : callable, optional
         As for `Simulation.run`.
 
@@ -166,7 +180,9 @@ def linear_response(
     if periods < 1.5:
         raise ValueError(f"periods is {periods}; at least 1.5 are needed, a half to settle and one to measure")
     if not base > 0.0 or multiples.min() < 1 or not np.array_equal(multiples, np.round(multiples)):
-        raise ValueError(f"base is {base} and multiples {multiples.tolist()}; base must be positive and the multiples whole, from 1")
+        raise ValueError(
+            f"base is {base} and multiples {multiples.tolist()}; base must be positive and the multiples whole, from 1"
+        )
     period = 2.0 * math.pi / base
     per_period = math.ceil(period / (0.4 * grid.spacing if dt is None else dt))
     start, steps, step = (float(value) for value in steady["clock"])
@@ -195,6 +211,8 @@ def linear_response(
     for earlier in (0, per_period // 4):
         rows = slice(len(history.time) - per_period - earlier, len(history.time) - earlier)
         time = history.load_time[rows]
-        columns.append(harmonics(time, loads[rows], signal.omegas) / harmonics(time, given[rows], signal.omegas)[:, None])
+        columns.append(
+            harmonics(time, loads[rows], signal.omegas) / harmonics(time, given[rows], signal.omegas)[:, None]
+        )
     change = np.linalg.norm(columns[0] - columns[1], axis=1) / np.linalg.norm(columns[0], axis=1)
     return LinearResponse(signal.omegas, columns[0][:, 0], columns[0][:, 1:], float(change.max()))

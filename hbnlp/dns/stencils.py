@@ -1,7 +1,8 @@
 """Finite-difference operators of the streamfunction-vorticity form on a staggered grid.
 
-Nodes (i, j) carry streamfunction and vorticity; u sits at (i, j + 1/2), v at (i + 1/2, j). All arrays may carry leading level axes, with
-the cell size h broadcast against them. ``rot`` is the transpose of ``curl``, so that ``rot(curl(psi))`` is minus the five-point Laplacian.
+Nodes (i, j) carry streamfunction and vorticity; u sits at (i, j + 1/2), v at (i + 1/2, j). All arrays may carry leading
+level axes, with the cell size h broadcast against them. ``rot`` is the transpose of ``curl``, so that
+``rot(curl(psi))`` is minus the five-point Laplacian.
 
 References
 ----------
@@ -37,7 +38,7 @@ def laplacian(field: Array, h: float | Array) -> Array:
 
 
 def node_velocity(psi: Array, h: float | Array) -> tuple[Array, Array]:
-    """Velocities on the nodes: u of shape (..., nx + 1, ny - 1) without the first and last row, v of shape (..., nx - 1, ny + 1)."""
+    """Velocities on the nodes: u of shape (..., nx + 1, ny - 1), v of shape (..., nx - 1, ny + 1)."""
     u = psi[..., :, 2:] - psi[..., :, :-2]
     v = psi[..., :-2, :] - psi[..., 2:, :]
     u /= 2.0 * h
@@ -46,7 +47,7 @@ def node_velocity(psi: Array, h: float | Array) -> tuple[Array, Array]:
 
 
 def advection(u: Array, v: Array, omega: Array, h: float | Array) -> Array:
-    """Convection -div(u omega) at the interior nodes, in the form that conserves the sums of omega and of omega squared.
+    """Convection -div(u omega) at the interior nodes, conserving the sums of omega and of omega squared.
 
     Parameters
     ----------

@@ -14,14 +14,16 @@ from hbnlp.dns.mapping import Metric
 from hbnlp.dns.nested import NestedSolver
 from hbnlp.dns.projection import Factor, WindowTransform, body_matrix, window_matrix
 
-_CLOSER = "points of the body are closer together than the grid resolves: space them 1 to 2 cells apart, or refine the grid"
+_CLOSER = (
+    "points of the body are closer together than the grid resolves: space them 1 to 2 cells apart, or refine the grid"
+)
 
 
 class Wall(ABC):
     """A body as constraints on the flow.
 
-    In a step to ``time`` the solver calls `prepare`, then once or more `respond` with the slip that is left without the new force, then
-    `accept`.
+    In a step to ``time`` the solver calls `prepare`, then once or more `respond` with the slip that is left without the
+    new force, then `accept`.
     """
 
     transform: WindowTransform
@@ -39,7 +41,7 @@ class Wall(ABC):
         """Metric of the map at the end of the step, as known so far; None without a map."""
         return None
 
-    def accept(self) -> None:  # noqa: B027  (walls without memory have nothing to keep)
+    def accept(self) -> None:  # noqa: B027
         """Keep the result of the last `respond` as the state at the end of the step."""
 
     def state(self) -> dict[str, Array]:
@@ -47,7 +49,7 @@ class Wall(ABC):
         return {}
 
     def restore(self, arrays: dict[str, Array], time: float) -> None:  # noqa: B027
-        """Set the state at ``time`` from arrays as `state` returned them; an empty dict starts this body afresh then."""
+        """Set the state at ``time`` from arrays of `state`; an empty dict starts this body afresh then."""
 
     @abstractmethod
     def force(self, reaction: Array) -> Array:
@@ -59,7 +61,7 @@ class Wall(ABC):
 
 
 def _point_force(reaction: Array) -> Array:
-    return -reaction.reshape(2, -1).sum(axis=1)
+    return np.asarray(-reaction.reshape(2, -1).sum(axis=1))
 
 
 class FixedWall(Wall):
@@ -85,15 +87,17 @@ class FixedWall(Wall):
 
     def outline(self, time: float) -> Array:
         """The points, closed if the body is."""
+        del time
         points = self.body.positions
         return np.vstack([points, points[:1]]) if self.body.closed else points
 
 
 class MovingWall(Wall):
-    """Points that move in the grid; the body matrix is formed anew in each step from the tabulated response of the fluid.
+    """Points that move in the grid.
 
-    The forces act on the fluid on both sides. For a closed body the load is corrected by the momentum of the fluid inside, which the points
-    determine: the integral of u over the inside is that of x (u . n) along the surface.
+    The body matrix is formed anew in each step from the tabulated response of the fluid. The forces act on the fluid on
+    both sides. For a closed body the load is corrected by the momentum of the fluid inside, which the points determine:
+    the integral of u over the inside is that of x (u . n) along the surface.
     """
 
     def __init__(self, grid: Grid, nested: NestedSolver, dt: float, body: MovingPoints) -> None:
@@ -136,8 +140,8 @@ class MovingWall(Wall):
         positions, velocities = (np.asarray(part, dtype=float) for part in self.body.motion(time))
         if positions.shape != velocities.shape or positions.ndim != 2 or positions.shape[1] != 2:
             raise ValueError(
-                f"motion({time:.6g}) returned positions of shape {positions.shape} and velocities of shape {velocities.shape}; "
-                "both must be (n, 2)"
+                f"motion({time:.6g}) returned positions of shape {positions.shape} and velocities of shape "
+                f"{velocities.shape}; both must be (n, 2)"
             )
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             raise ValueError(f"motion({time:.6g}) returned values that are not finite")

@@ -58,7 +58,9 @@ def plot_vorticity(
     bx, by = _in_space(snapshot, snapshot.outline[:, 0], snapshot.outline[:, 1])
     axes.plot(bx, by, color="black", linewidth=2.0, solid_capstyle="round")
     px, py = snapshot.x[shown - 1], snapshot.y[shown - 1]
-    axes.set(xlim=x or (px.min(), px.max()), ylim=y or (py.min(), py.max()), aspect="equal", xlabel="$x/c$", ylabel="$y/c$")
+    axes.set(
+        xlim=x or (px.min(), px.max()), ylim=y or (py.min(), py.max()), aspect="equal", xlabel="$x/c$", ylabel="$y/c$"
+    )
     axes.set_title(f"vorticity, $tU/c = {snapshot.time:.2f}$")
     return axes
 
@@ -87,7 +89,7 @@ def animate(
         axes.clear()
         return [plot_vorticity(snapshots[index], axes, limit=limit, x=x, y=y)]
 
-    FuncAnimation(figure, draw, frames=len(snapshots)).save(os.fspath(path), writer=PillowWriter(fps=frames_per_second))  # type: ignore[arg-type]
+    FuncAnimation(figure, draw, frames=len(snapshots)).save(os.fspath(path), writer=PillowWriter(fps=frames_per_second))
     plt.close(figure)
 
 
