@@ -37,7 +37,9 @@ def cases(cells: int) -> dict[str, dns.Simulation]:
 
 def main() -> None:
     """Print a table."""
-    print(f"{'h':>7} {'grid points':>12} {'fixed plate':>14} {'membrane':>14}   (ms CPU a step, five levels, box 3 x 2)")
+    print(
+        f"{'h':>7} {'grid points':>12} {'fixed plate':>14} {'membrane':>14}   (ms CPU a step, five levels, box 3 x 2)"
+    )
     points, times = [], []
     for cells in (25, 50, 100):
         flows = cases(cells)

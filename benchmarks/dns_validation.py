@@ -7,6 +7,7 @@ missing, ``tables`` rewrites the tables that docs/dns.md shows.
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import platform
@@ -16,6 +17,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -196,8 +198,116 @@ def run(name: str) -> None:
     partial_file.replace(path)
 
 
+PUBLISHED = {
+    40: {"C_D": "1.50-1.54", "wake_length": "2.13-2.35"},
+    100: {"C_D": "1.33-1.35", "C_L": ".33-.34", "St": ".164-.166"},
+    200: {"C_D": "1.31-1.35", "C_L": ".68-.69", "St": ".192-.197"},
+}
+Row = list[str]
+
+
+def _load(prefix: str) -> dict[str, dict[str, Any]]:
+    return {path.stem: json.loads(path.read_text()) for path in sorted(DATA.glob(f"{prefix}_*.json"))}
+
+
+def _complex(pair: list[float]) -> complex:
+    return complex(pair[0], pair[1])
+
+
+def _cylinder_rows() -> list[Row]:
+    rows = [["Re", "quantity", "computed", "published"]]
+    for data in sorted(_load("cylinder").values(), key=lambda item: float(item["reynolds"])):
+        for name, published in PUBLISHED[round(data["reynolds"])].items():
+            rows.append([f"{data['reynolds']:g}", name, f"{data[name]:.4f}", published])
+    return rows
+
+
+def _plate_rows() -> list[Row]:
+    rows = [["h", "levels", "C_D", "lift slope per rad", "change over the last 5 c/U"]]
+    rows += [
+        [f"{d['h']:.4f}", f"{d['levels']}", f"{d['C_D']:.4f}", f"{d['lift_slope']:.3f}", f"{d['change_in_5']:.3f}"]
+        for d in sorted(_load("plate").values(), key=lambda item: (-float(item["h"]), item["levels"]))
+    ]
+    return rows
+
+
+def _response_rows() -> list[Row]:
+    """Every grid, then the extrapolation from the two finest, an input and frequency a row."""
+    found: dict[str, dict[float, dict[str, Any]]] = {}
+    for data in _load("response").values():
+        found.setdefault(str(data["channel"]), {})[data["h"]] = data
+    rows = [["input", "omega", "h", "C_L", "dCp_1", "dCp_2", "dCp_3"]]
+    for channel, grids in sorted(found.items()):
+        columns = {
+            h: np.array(
+                [[_complex(z) for z in [lift, *row[:3]]] for lift, row in zip(d["lift"], d["dCp"], strict=True)]
+            )
+            for h, d in grids.items()
+        }
+        spacings = sorted(columns)
+        entries: list[tuple[str, np.ndarray]] = [(f"{h:.4f}", columns[h]) for h in reversed(spacings)]
+        if len(spacings) > 1:
+            fine, coarse = spacings[:2]
+            weight = fine / (coarse - fine)
+            entries.append(("extrapolated", columns[fine] + weight * (columns[fine] - columns[coarse])))
+        label = channel if channel == "pitch" else f"W_{channel}"
+        for i, omega in enumerate(next(iter(grids.values()))["omega"]):
+            rows += [[label, f"{omega:.3g}", name, *(f"{z:.3f}" for z in values[i])] for name, values in entries]
+    return rows
+
+
+def _coupled_rows() -> list[Row]:
+    rows = [
+        [
+            "alpha_2 (deg)",
+            "h",
+            "dt",
+            "C_L amplitude",
+            "C_L / alpha''",
+            "W_1",
+            "max strain",
+            "centrifugal / dCp",
+            "CPU s",
+        ]
+    ]
+    rows += [
+        [
+            f"{d['degrees']:g}",
+            f"{d['h']:.3f}",
+            f"{d['dt']:.4f}",
+            f"{abs(_complex(d['lift'])):.4f}",
+            f"{d['lift_per_acceleration']:.3f}",
+            f"{abs(_complex(d['W'][0])):.4f}",
+            f"{d['max_strain']:.2e}",
+            f"{d['centrifugal_over_pressure']:.1e}",
+            f"{d['provenance']['cpu_seconds']:.0f}",
+        ]
+        for d in sorted(
+            _load("coupled").values(), key=lambda item: (item["degrees"], -float(item["h"]), -float(item["dt"]))
+        )
+    ]
+    return rows
+
+
+def tables() -> None:
+    """Write the tables of docs/dns.md from the result files."""
+    makers = {"cylinder": _cylinder_rows, "plate": _plate_rows, "response": _response_rows, "coupled": _coupled_rows}
+    for name, rows in makers.items():
+        with (DATA / f"{name}.csv").open("w", newline="") as stream:
+            csv.writer(stream, lineterminator="\n").writerows(rows())
+
+
+def main(arguments: list[str]) -> None:
+    """Run the named cases, or list them."""
+    if not arguments:
+        print("\n".join(CASES))
+    elif arguments == ["tables"]:
+        tables()
+    else:
+        for wanted in CASES if arguments == ["all"] else arguments:
+            run(wanted)
+        tables()
+
+
 if __name__ == "__main__":
-    if len(sys.argv) == 1:
-        sys.stdout.write("\n".join(CASES) + "\n")
-    for wanted in CASES if sys.argv[1:] == ["all"] else sys.argv[1:]:
-        run(wanted)
+    main(sys.argv[1:])

@@ -117,7 +117,7 @@ def circle(
     Breugem (2012), doi:10.1016/j.jcp.2012.02.026.
     """
     if not (spacing > 0.0 and diameter > 0.0 and ratio > 0.0):
-        raise ValueError(f"spacing, diameter, ratio are {spacing}, {diameter}, {ratio}; they must be positive")
+        raise ValueError(f"spacing, diameter, ratio = {spacing}, {diameter}, {ratio}; all must be positive")
     radius = 0.5 * diameter - retraction * spacing
     if not radius > spacing:
         raise ValueError(
