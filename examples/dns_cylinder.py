@@ -44,7 +44,7 @@ assert abs(strouhal - 0.165) < 0.012
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 3.6), layout="constrained", width_ratios=(3, 2))
 dns.Snapshot.of(flow).plot(left)
-left.set_xlim(-1.0, 6.0)
+left.set_xlim(-1.0, 5.0)
 history.plot(right)
 right.set_ylim(-1.0, 2.5)
 plt.show()

@@ -139,3 +139,28 @@ def test_step_that_cannot_be_solved_says_so() -> None:
     )
     with pytest.raises(dns.FlowError, match="smaller dt"):
         flow.step()
+
+
+def test_law_given_as_a_function_gives_the_same_run() -> None:
+    def run(law: dns.ForceLaw) -> dns.History:
+        membrane = dns.Membrane(mass_ratio=0.1, law=law, n_modes=4, deflection=np.array([0.05, 0.0, 0.0, 0.0]))
+        return dns.Simulation(dns.Grid.around_plate(cells=16, levels=2), membrane, dt=0.02).run(0.2)
+
+    np.testing.assert_allclose(run(dns.Restoring(LAW.restoring)).deflection, run(LAW).deflection, atol=1e-10)
+
+
+def test_impossible_membranes_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"mass_ratio is -0\.1"):
+        dns.Membrane(mass_ratio=-0.1, law=LAW, n_modes=4)
+    with pytest.raises(ValueError, match="law does not take 7 modes"):
+        dns.Membrane(mass_ratio=0.5, law=LAW, n_modes=7)
+    with pytest.raises(ValueError, match=r"force of shape \(2,\)"):
+        dns.Membrane(mass_ratio=0.5, law=dns.Restoring(lambda _: np.zeros(2)), n_modes=3)
+    with pytest.raises(ValueError, match="deflection has shape"):
+        dns.Membrane(mass_ratio=0.5, law=LAW, n_modes=4, deflection=np.zeros(3))
+    with pytest.raises(ValueError, match="at least four a mode"):
+        dns.NonlinearTension(stretching=1.0, prestrain=0.1, n_modes=10, points=20)
+    with pytest.raises(ValueError, match=r"between 1 and 6 \(2\.5 cells"):
+        dns.Simulation(
+            dns.Grid.around_plate(cells=16), dns.Membrane(mass_ratio=0.5, law=dns.LinearTension(1.0), n_modes=10)
+        )

@@ -15,7 +15,7 @@ from hbnlp.dns.flow import Simulation
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.history import History
 from hbnlp.dns.loads import neglected_inertia
-from hbnlp.dns.membrane import ForceLaw, LinearTension, Membrane, NonlinearTension
+from hbnlp.dns.membrane import ForceLaw, LinearTension, Membrane, NonlinearTension, Restoring
 from hbnlp.dns.motion import Motion
 from hbnlp.dns.observers import Checkpoint, ProgressBar, Snapshot, Snapshots, together
 from hbnlp.dns.response import LinearResponse, harmonics, linear_response
@@ -35,6 +35,7 @@ __all__ = [
     "NonlinearTension",
     "Points",
     "ProgressBar",
+    "Restoring",
     "SharpPlate",
     "Simulation",
     "Snapshot",

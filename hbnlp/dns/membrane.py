@@ -28,6 +28,8 @@ from hbnlp.dns.plate import Shape
 _GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NEWTON_STEPS = 30
 _NEWTON_TOLERANCE = 1e-12
+# near the root of double precision for deflections of order 0.1
+_DIFFERENCE = 1e-8
 
 
 class ForceLaw(Protocol):
@@ -49,7 +51,7 @@ class Membrane:
     mass_ratio : float
         mu = rho_s h / (rho c).
     law : ForceLaw
-        Restoring force, e.g. `NonlinearTension`.
+        Restoring force: `NonlinearTension`, `LinearTension`, or any function in `Restoring`.
     n_modes : int
         Number of sine modes.
     deflection, rate : ndarray of shape (n_modes,), optional
@@ -70,6 +72,14 @@ class Membrane:
                 raise ValueError(
                     f"{name} has shape {np.shape(value)}; finite values of shape ({self.n_modes},) are needed"
                 )
+        try:
+            given = np.shape(self.law.restoring(np.zeros(self.n_modes)))
+        except ValueError as error:
+            raise ValueError(
+                f"law does not take {self.n_modes} modes, the n_modes of this membrane: {error}"
+            ) from error
+        if given != (self.n_modes,):
+            raise ValueError(f"law returns a force of shape {given}; ({self.n_modes},) is needed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,6 +172,29 @@ class LinearTension:
 
     def _stiffness(self) -> Array:
         return np.asarray(self.tension * (np.pi * np.arange(1, self.n_modes + 1)) ** 2)
+
+
+@dataclass(frozen=True)
+class Restoring:
+    """A force law given by its force alone; its tangent, which only steers Newton's iteration, is differenced.
+
+    Parameters
+    ----------
+    force : callable
+        ``force(W) -> S(W)``, each of shape (n_modes,).
+    """
+
+    force: Callable[[Array], Array]
+
+    def restoring(self, deflection: Array) -> Array:
+        """S_k(W), shape (n_modes,)."""
+        return np.asarray(self.force(deflection), dtype=float)
+
+    def tangent(self, deflection: Array) -> Array:
+        """Forward differences of S, shape (n_modes, n_modes)."""
+        base = self.restoring(deflection)
+        columns = [self.restoring(deflection + shift) - base for shift in _DIFFERENCE * np.eye(deflection.size)]
+        return np.column_stack(columns) / _DIFFERENCE
 
 
 def inertial_load(mass_ratio: float, n_modes: int, motion: Motion) -> Callable[[float], Array]:
