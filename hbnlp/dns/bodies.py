@@ -121,8 +121,8 @@ def circle(
     radius = 0.5 * diameter - retraction * spacing
     if not radius > spacing:
         raise ValueError(
-            f"a diameter of {diameter} and a retraction of {retraction} cells leave a radius of {radius:.3g}, less than "
-            f"a cell ({spacing}): refine the grid"
+            f"a diameter of {diameter} and a retraction of {retraction} cells leave a radius of {radius:.3g}, "
+            f"less than a cell ({spacing}): refine the grid"
         )
     n = max(8, round(2.0 * math.pi * radius / (ratio * spacing)))
     angle = 2.0 * np.pi * np.arange(n) / n
