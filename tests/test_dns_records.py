@@ -11,7 +11,7 @@ mpl.use("Agg")
 
 from hbnlp import dns
 from hbnlp.dns.plot import animate, plot_loads, plot_vorticity
-from hbnlp.dns.response import MultiSine
+from hbnlp.dns.signals import MultiSine
 
 
 def _membrane_flow() -> dns.Simulation:
@@ -68,6 +68,23 @@ def test_linear_response_at_high_frequency_approaches_the_added_mass(channel: st
     ratio = load / (-(column.omega**2)) / inviscid
     assert np.all((ratio.real > 0.9) & (ratio.real < 1.35))
     assert column.drift < 0.05
+
+
+def test_step_response_starts_with_the_added_mass_and_heave_velocity_acts_as_minus_pitch() -> None:
+    grid = dns.Grid.around_plate(cells=20, levels=3)
+    steady = dns.Simulation(grid, dns.SharpPlate(n_modes=3), dt=0.01)
+    steady.run(1.0)
+    heave = dns.step_response(grid, "heave", 1.0, steady=steady.state(), dt=0.01, n_modes=3)
+    # dCp is -pi/2 per unit acceleration in potential flow; vortex sheets half a cell off the plate add to it
+    assert -1.25 < heave.impulse[0] / (math.pi / 2) < -1.0
+    np.testing.assert_allclose(np.diff(heave.time), 0.01, rtol=1e-9)
+    assert heave.time[0] == pytest.approx(0.015)
+    jump = dns.Simulation(grid, dns.SharpPlate(n_modes=3), dt=0.01, motion=dns.Motion(pitch=lambda _: (1e-6, 0.0, 0.0)))
+    jump.restore(steady.state())
+    pitched = jump.run(2.0)
+    # Adams-Bashforth sees the jump half a step late in one and half a step early in the other: a shift by dt
+    expected = -1e6 * pitched.coefficients[10:]
+    assert np.abs(heave.loads[9:, 1:] - expected).max() < 0.015 * np.abs(expected).max()
 
 
 def test_unknown_inputs_are_refused() -> None:

@@ -18,7 +18,7 @@ from hbnlp.dns.loads import neglected_inertia
 from hbnlp.dns.membrane import ForceLaw, LinearTension, Membrane, NonlinearTension, Restoring
 from hbnlp.dns.motion import Motion
 from hbnlp.dns.observers import Checkpoint, ProgressBar, Snapshot, Snapshots, together
-from hbnlp.dns.response import LinearResponse, harmonics, linear_response
+from hbnlp.dns.response import LinearResponse, StepResponse, harmonics, linear_response, step_response
 from hbnlp.dns.storage import load_history, load_state, save_history, save_state
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "Simulation",
     "Snapshot",
     "Snapshots",
+    "StepResponse",
     "circle",
     "harmonics",
     "linear_response",
@@ -48,5 +49,6 @@ __all__ = [
     "neglected_inertia",
     "save_history",
     "save_state",
+    "step_response",
     "together",
 ]

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hbnlp.dns._types import Array
-from hbnlp.dns.bodies import SharpPlate
 from hbnlp.dns.flow import Callback, Simulation
 from hbnlp.dns.grid import Grid
-from hbnlp.dns.motion import Motion, Triple
+from hbnlp.dns.signals import MultiSine, Ramp, drive
 
 
 def harmonics(time: Array, values: Array, omegas: Array) -> Array:
@@ -58,54 +57,6 @@ def harmonics(time: Array, values: Array, omegas: Array) -> Array:
     fitted = np.linalg.lstsq(basis, flat, rcond=None)[0]
     n = omegas.size
     return np.asarray((fitted[1 : n + 1] - 1j * fitted[n + 1 :]).reshape(n, *values.shape[1:]))
-
-
-@dataclass(frozen=True)
-class MultiSine:
-    """Smoothly started sum of sines, with rate and acceleration.
-
-    Parameters
-    ----------
-    omegas : ndarray of shape (n,)
-        Frequencies.
-    amplitude : float
-        Amplitude of each.
-    start : float
-        Time at which it starts, from zero.
-    ramp : float
-        Duration of the start.
-    """
-
-    omegas: Array
-    amplitude: float
-    start: float
-    ramp: float
-
-    def __call__(self, time: float) -> Triple:
-        """Value, rate and acceleration."""
-        r = (time - self.start) / self.ramp
-        if r <= 0.0:
-            return 0.0, 0.0, 0.0
-        w = self.omegas
-        # Schroeder's phases keep the sum from peaking
-        phase = w * (time - self.start) - math.pi * np.arange(w.size) ** 2 / w.size
-        sine, cosine = np.sin(phase), np.cos(phase)
-        value, rate, acceleration = sine.sum(), (w * cosine).sum(), -(w**2 * sine).sum()
-        f, df, ddf = (
-            (1.0, 0.0, 0.0)
-            if r >= 1.0
-            else (
-                r**3 * (10.0 - 15.0 * r + 6.0 * r**2),
-                30.0 * r**2 * (1.0 - r) ** 2 / self.ramp,
-                60.0 * r * (1.0 - r) * (1.0 - 2.0 * r) / self.ramp**2,
-            )
-        )
-        a = self.amplitude
-        return (
-            float(a * f * value),
-            float(a * (f * rate + df * value)),
-            float(a * (f * acceleration + 2.0 * df * rate + ddf * value)),
-        )
 
 
 @dataclass(frozen=True)
@@ -152,7 +103,7 @@ def linear_response(
     grid : Grid
         Grid around the plate.
     channel : {"pitch", "heave"} or int
-        Input: pitch about the leading edge, heave, or the number k of a sine mode W_k.
+        Input; see `signals.drive`.
     multiples : ndarray of int, shape (n,)
         Frequencies as multiples of ``base``.
     base : float
@@ -185,23 +136,9 @@ def linear_response(
         )
     period = 2.0 * math.pi / base
     per_period = math.ceil(period / (0.4 * grid.spacing if dt is None else dt))
-    start, steps, step = (float(value) for value in steady["clock"])
-    begin = start + steps * step
+    begin = _time_of(steady)
     signal = MultiSine(base * multiples, amplitude, begin, 0.25 * period)
-    if isinstance(channel, int):
-        if not 1 <= channel <= n_modes:
-            raise ValueError(f"channel is {channel}; a sine mode between 1 and {n_modes} is accepted")
-        unit = np.eye(n_modes)[channel - 1]
-
-        def deflection(time: float) -> tuple[Array, Array]:
-            value, rate, _ = signal(time)
-            return value * unit, rate * unit
-
-        body, motion = SharpPlate(deflection=deflection, n_modes=n_modes), Motion()
-    elif channel in {"pitch", "heave"}:
-        body, motion = SharpPlate(n_modes=n_modes), Motion(pitch=signal) if channel == "pitch" else Motion(heave=signal)
-    else:
-        raise ValueError(f'channel is {channel!r}; "pitch", "heave" or the number of a sine mode is accepted')
+    body, motion = drive(channel, signal, n_modes)
     simulation = Simulation(grid, body, reynolds=reynolds, dt=period / per_period, motion=motion)
     simulation.restore(steady)
     history = simulation.run(begin + periods * period, callback=callback)
@@ -216,3 +153,68 @@ def linear_response(
         )
     change = np.linalg.norm(columns[0] - columns[1], axis=1) / np.linalg.norm(columns[0], axis=1)
     return LinearResponse(signal.omegas, columns[0][:, 0], columns[0][:, 1:], float(change.max()))
+
+
+@dataclass(frozen=True)
+class StepResponse:
+    """Loads after a unit step of velocity in one input, as the eigensystem realisation takes them.
+
+    Parameters
+    ----------
+    time : ndarray of shape (steps,)
+        Time since the velocity step, uniform.
+    loads : ndarray of shape (steps, n_modes + 1)
+        (C_L, dCp_1 .. dCp_n) per unit of velocity.
+    impulse : ndarray of shape (n_modes + 1,)
+        Time integral of the loads over the step in which the velocity jumps: the added mass.
+    """
+
+    time: Array
+    loads: Array
+    impulse: Array
+
+
+def step_response(
+    grid: Grid,
+    channel: str | int,
+    duration: float,
+    *,
+    steady: dict[str, Array],
+    reynolds: float = 100.0,
+    dt: float | None = None,
+    n_modes: int = 10,
+    amplitude: float = 1e-6,
+    callback: Callback | None = None,
+) -> StepResponse:
+    """Measure the loads after a unit step of velocity about a steady flow at zero incidence.
+
+    Parameters
+    ----------
+    grid, channel, steady, reynolds, n_modes, callback
+        As for `linear_response`.
+    duration : float
+        Length of the record.
+    dt : float, optional
+        Time step; default 0.3 of the cell size.
+    amplitude : float
+        Velocity; times the duration the displacement reached, which must stay small.
+
+    Raises
+    ------
+    ValueError
+        If the channel is unknown or the duration is not positive.
+    """
+    if not duration > 0.0:
+        raise ValueError(f"duration is {duration}; it must be positive")
+    begin = _time_of(steady)
+    body, motion = drive(channel, Ramp(amplitude, begin), n_modes)
+    simulation = Simulation(grid, body, reynolds=reynolds, dt=dt, motion=motion)
+    simulation.restore(steady)
+    history = simulation.run(begin + duration, callback=callback)
+    loads = np.column_stack([history.lift, history.coefficients]) / amplitude
+    return StepResponse(history.load_time[1:] - begin, loads[1:], loads[0] * simulation.dt)
+
+
+def _time_of(state: dict[str, Array]) -> float:
+    start, steps, step = (float(value) for value in state["clock"])
+    return start + steps * step
