@@ -87,6 +87,16 @@ def test_restart_continues_bit_for_bit(kind: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(second.history.lift, whole.history.lift[7:])
 
 
+def test_state_is_not_touched_by_the_steps_after_it() -> None:
+    flow = _coarse_cylinder()
+    flow.run(0.1)
+    state, then = flow.state(), flow.psi.copy()
+    flow.run(0.2)
+    np.testing.assert_array_equal(state["psi"], then)
+    flow.restore(state)
+    assert flow.time == pytest.approx(0.1)
+
+
 def test_plate_may_start_to_move_from_a_saved_steady_flow() -> None:
     grid = dns.Grid.around_plate(cells=16, levels=3)
     steady = dns.Simulation(grid, dns.SharpPlate())

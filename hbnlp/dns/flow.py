@@ -194,7 +194,7 @@ class Simulation:
         wall.accept()
 
     def state(self) -> dict[str, Array]:
-        """Everything a restart needs, as arrays."""
+        """Everything a restart needs, as arrays of their own."""
         grid = self.grid
         arrays = {
             "grid": np.array([grid.spacing, *grid.shape, *grid.corner, grid.levels], dtype=float),
@@ -205,7 +205,9 @@ class Simulation:
             "psi_before": self._psi_before,
             "convection": np.zeros(0) if self._convection is None else self._convection,
         }
-        return arrays | {f"wall_{name}": value for name, value in self.wall.state().items()}
+        arrays |= {f"wall_{name}": value for name, value in self.wall.state().items()}
+        # the fields are overwritten in every step
+        return {name: value.copy() for name, value in arrays.items()}
 
     def restore(self, arrays: dict[str, Array]) -> None:
         """Continue from a state that `state` returned.
