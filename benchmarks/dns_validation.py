@@ -71,7 +71,11 @@ def cylinder(reynolds: float, spacing: float, until: float) -> Result:
         return (0.3 * math.exp(-((t - 3.0) ** 2)) if reynolds > 50.0 else 0.0), 0.0, 0.0
 
     flow = dns.Simulation(
-        grid, dns.circle(spacing), reynolds=reynolds, dt=0.375 * spacing, motion=dns.Motion(pitch=pulse)
+        grid,
+        dns.circle(spacing),
+        reynolds=reynolds,
+        dt=(0.375 if reynolds < 150.0 else 0.3) * spacing,
+        motion=dns.Motion(pitch=pulse),
     )
     history = _run(flow, until, f"cylinder Re = {reynolds:g}")
     late = history.load_time > 0.7 * until
@@ -91,7 +95,7 @@ def cylinder(reynolds: float, spacing: float, until: float) -> Result:
     }
 
 
-def plate(cells: int, levels: int, until: float = 30.0) -> Result:
+def plate(cells: int, levels: int, until: float = 60.0) -> Result:
     """Rigid plate at one degree: drag and lift slope per radian."""
     flow = dns.Simulation(
         dns.Grid.around_plate(cells=cells, levels=levels),
@@ -166,7 +170,7 @@ def coupled(degrees: float, cells: int, dt_factor: float = 0.4, omega: float = 2
 CASES: dict[str, Callable[[], Result]] = {
     "cylinder_40": partial(cylinder, 40.0, 0.02, 45.0),
     "cylinder_100": partial(cylinder, 100.0, 0.02, 85.0),
-    "cylinder_200": partial(cylinder, 200.0, 0.02, 65.0),
+    "cylinder_200": partial(cylinder, 200.0, 0.02, 60.0),
     **{f"plate_{n}": partial(plate, n, 6) for n in (25, 50, 75)},
     **{f"plate_25_levels_{n}": partial(plate, 25, n) for n in (4, 5, 7)},
     **{
