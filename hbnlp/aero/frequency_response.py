@@ -1,0 +1,197 @@
+"""A frequency response from motion to loads, computed or measured: what a ROM is fitted to."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hbnlp.storage import load_arrays, save_arrays
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_KIND = "FrequencyResponse"
+_CSV_HEADER = ("omega", "load", "motion", "real", "imag")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class FrequencyResponse:
+    """Loads [C_L, dCp_1..dCp_N] per harmonic motion [alpha, z, W_1..W_N].
+
+    Attributes
+    ----------
+    omega : ndarray, shape (m,)
+        Angular frequencies, U/c, rising, above zero.
+    values : ndarray of complex, shape (m, N+1, N+2)
+        G(i omega), time factor exp(+i omega t).
+    static : ndarray, shape (N+1, N+2)
+        G(0).
+    base_load : ndarray, shape (N+1,)
+        Steady load at the incidence about which the response was taken.
+    provenance : mapping
+        Where the data come from, of what JSON can write; keys that are used are ``reynolds``, ``incidence``, ``drag``
+        and ``source``.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, values are not finite, or the frequencies do not rise.
+    """
+
+    omega: Array
+    values: ComplexArray
+    static: Array
+    base_load: Array
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        omega = np.array(self.omega, dtype=float)
+        values = np.array(self.values, dtype=complex)
+        static = np.array(self.static, dtype=float)
+        base_load = np.array(self.base_load, dtype=float)
+        if omega.ndim != 1 or omega.size == 0 or not np.all(omega > 0.0) or not np.all(np.diff(omega) > 0.0):
+            raise ValueError(
+                f"omega is {omega!r}; give rising frequencies above zero (the static value goes to static)"
+            )
+        if values.ndim != 3 or values.shape[0] != omega.size or values.shape[2] != values.shape[1] + 1:
+            raise ValueError(
+                f"values has shape {values.shape}; ({omega.size}, N+1, N+2) is needed: a frequency, "
+                "loads C_L, dCp_1..dCp_N, motions alpha, z, W_1..W_N"
+            )
+        if static.shape != values.shape[1:] or base_load.shape != values.shape[1:2]:
+            raise ValueError(
+                f"static {static.shape} and base_load {base_load.shape} do not fit values {values.shape}; "
+                f"give {values.shape[1:]} and {values.shape[1:2]}"
+            )
+        for name, array in (("values", values), ("static", static), ("base_load", base_load)):
+            if not np.all(np.isfinite(array)):
+                at = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
+                raise ValueError(f"{name} is not finite at index {at}; all values must be")
+        for name, array in (("omega", omega), ("values", values), ("static", static), ("base_load", base_load)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "provenance", dict(self.provenance))
+
+    @property
+    def n_modes(self) -> int:
+        """Number N of membrane modes."""
+        return len(self.static) - 1
+
+    def truncated(self, n_modes: int) -> FrequencyResponse:
+        """Return the response of the first ``n_modes`` membrane modes, its leading block."""
+        if not 0 <= n_modes <= self.n_modes:
+            raise ValueError(f"n_modes is {n_modes}; the response has {self.n_modes} modes, give 0 to {self.n_modes}")
+        y, u = slice(n_modes + 1), slice(n_modes + 2)
+        return FrequencyResponse(
+            omega=self.omega, values=self.values[:, y, u], static=self.static[y, u], base_load=self.base_load[y],
+            provenance=self.provenance,
+        )  # fmt: skip
+
+    def band(self, lowest: float, highest: float) -> FrequencyResponse:
+        """Return the response at the frequencies from ``lowest`` to ``highest``, both included."""
+        inside = (self.omega >= lowest * (1 - 1e-9)) & (self.omega <= highest * (1 + 1e-9))
+        if not inside.any():
+            raise ValueError(
+                f"no frequency lies in {lowest:g} to {highest:g}; the data span {self.omega[0]:g} to {self.omega[-1]:g}"
+            )
+        return FrequencyResponse(
+            omega=self.omega[inside], values=self.values[inside], static=self.static, base_load=self.base_load,
+            provenance=self.provenance,
+        )  # fmt: skip
+
+    def column_errors(self, other: ArrayLike) -> Array:
+        """Return the relative error of every column, ``|other - values| / |values|`` over its loads, (m, N+2).
+
+        Parameters
+        ----------
+        other : array_like of complex, shape (m, N+1, N+2)
+            Another response at the same frequencies, a ROM's for instance.
+        """
+        other = np.asarray(other, dtype=complex)
+        if other.shape != self.values.shape:
+            raise ValueError(f"other has shape {other.shape}; {self.values.shape} is needed")
+        errors: Array = np.linalg.norm(other - self.values, axis=1) / np.linalg.norm(self.values, axis=1)
+        return errors
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write one ``.npz`` file, all of it or nothing."""
+        arrays = {name: getattr(self, name) for name in ("omega", "values", "static", "base_load")}
+        save_arrays(path, _KIND, arrays, {"provenance": dict(self.provenance)})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> FrequencyResponse:
+        """Read a file that `save` wrote.
+
+        Raises
+        ------
+        FileNotFoundError, ValueError
+            If there is no such file, or it is not a response.
+        """
+        arrays, metadata = load_arrays(path, _KIND)
+        return cls(**arrays, provenance=metadata["provenance"])
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write a table with the columns omega, load, motion, real, imag; the static value has omega 0."""
+        with Path(path).open("w", newline="") as handle:
+            writer = csv.writer(handle)
+            writer.writerow(_CSV_HEADER)
+            for omega, matrix in zip((0.0, *self.omega), (self.static + 0j, *self.values), strict=True):
+                for (load, motion), value in np.ndenumerate(matrix):
+                    writer.writerow(
+                        (repr(float(omega)), load, motion, repr(float(value.real)), repr(float(value.imag)))
+                    )
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        base_load: ArrayLike | None = None,
+        provenance: Mapping[str, Any] | None = None,
+    ) -> FrequencyResponse:
+        """Read a table with the columns omega, load, motion, real, imag in any order of rows.
+
+        ``load`` counts C_L, dCp_1, ... from 0 and ``motion`` alpha, z, W_1, ... from 0; rows with omega 0 are the
+        static value, which must be there.
+
+        Raises
+        ------
+        ValueError
+            If the header differs, an entry is missing or given twice, or the static value is missing.
+        """
+        with Path(path).open(newline="") as handle:
+            reader = csv.reader(handle)
+            header = tuple(name.strip() for name in next(reader, []))
+            if header != _CSV_HEADER:
+                raise ValueError(f"the header of {os.fspath(path)!r} is {header}; {_CSV_HEADER} is needed")
+            rows = np.array([[float(cell) for cell in row] for row in reader if row])
+        if rows.size == 0 or rows[:, 0].min() != 0.0:
+            raise ValueError(f"{os.fspath(path)!r} has no rows with omega 0; add the static value")
+        omega, at = np.unique(rows[:, 0], return_inverse=True)
+        loads, motions = rows[:, 1].astype(int), rows[:, 2].astype(int)
+        values = np.full((omega.size, loads.max() + 1, motions.max() + 1), np.nan, dtype=complex)
+        values[at, loads, motions] = rows[:, 3] + 1j * rows[:, 4]
+        if np.isnan(values).any() or len(rows) != values.size:
+            raise ValueError(
+                f"{os.fspath(path)!r} has {len(rows)} rows for {omega.size} frequencies and "
+                f"{values.shape[1:]} matrices; every entry is needed exactly once, {values.size} rows"
+            )
+        return cls(
+            omega=omega[1:], values=values[1:], static=values[0].real,
+            base_load=np.zeros(values.shape[1]) if base_load is None else np.asarray(base_load, dtype=float),
+            provenance=provenance or {},
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        source = str(self.provenance.get("source", ""))
+        return (
+            f"FrequencyResponse: {self.n_modes} modes, {self.omega.size} frequencies "
+            f"{self.omega[0]:g} to {self.omega[-1]:g}" + (f"\n  {source[:110]}" if source else "")
+        )

@@ -1,0 +1,223 @@
+"""A campaign: the response at many frequencies, resumable, with estimates of its error, in one file."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import logging
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hbnlp.aero.frequency_response import FrequencyResponse
+from hbnlp.aero.linear_flow.base_flow import steady_flow
+from hbnlp.aero.linear_flow.direct import solver_name
+from hbnlp.aero.linear_flow.extra import require_ngsolve
+from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
+from hbnlp.aero.linear_flow.response import LinearResponse
+from hbnlp.errors import HbnlpError
+from hbnlp.storage import load_arrays, save_arrays
+
+logger = logging.getLogger(__name__)
+
+EQUATIONS = (
+    "incompressible Navier-Stokes, linearised about the steady flow in arbitrary Lagrangian-Eulerian form, "
+    "Taylor-Hood elements on triangles, loads by the reaction of the plate"
+)
+Progress = Callable[[Iterable[float]], Iterable[float]]
+SHEDDING = (1.0j, 3.0j, 6.0j)
+_PART = "finished frequency of a campaign"
+
+
+class UnsteadyFlowError(HbnlpError):
+    """The steady flow is unstable; ``eigenvalue`` says how."""
+
+    def __init__(self, message: str, eigenvalue: complex) -> None:
+        super().__init__(message)
+        self.eigenvalue = eigenvalue
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """What is computed, all but the frequencies.
+
+    Parameters
+    ----------
+    reynolds : float
+        Reynolds number of chord.
+    incidence : float
+        Angle of the stream to the plate, rad; the half plane is meshed if it is zero, the plane with a slit otherwise.
+    n_modes : int
+        Number N of sine modes.
+    order : int
+        Polynomial order of the velocity.
+    mesh : MeshSettings
+    """
+
+    reynolds: float = 100.0
+    incidence: float = 0.0
+    n_modes: int = 20
+    order: int = 4
+    mesh: MeshSettings = field(default_factory=MeshSettings)
+
+    def response(self) -> LinearResponse:
+        """Mesh, solve the steady flow, linearise.
+
+        Raises
+        ------
+        ImportError
+            If NGSolve is not installed.
+        """
+        require_ngsolve()
+        mesh = (half_mesh if self.incidence == 0.0 else slit_mesh)(self.mesh, incidence=self.incidence)
+        flow = steady_flow(mesh, reynolds=self.reynolds, incidence=self.incidence, order=self.order)
+        return LinearResponse(flow, n_modes=self.n_modes)
+
+    def variations(self) -> dict[str, Case]:
+        """Return the cases whose difference to this one estimates its error: by order, mesh and domain."""
+        mesh = self.mesh
+        finer = replace(
+            mesh, plate=mesh.plate / 1.5, wake=mesh.wake / 1.5, growth=mesh.growth / 1.5, edge=mesh.edge / 16.0
+        )
+        return {
+            "order": replace(self, order=self.order + 1),
+            "mesh": replace(self, mesh=finer),
+            "domain": replace(self, mesh=replace(mesh, domain=2.0 * mesh.domain)),
+        }
+
+
+def run_campaign(
+    path: str | os.PathLike[str],
+    *,
+    case: Case,
+    omega: Sequence[float] | NDArray[np.float64],
+    probes: Sequence[float] = (),
+    progress: Progress = iter,
+) -> FrequencyResponse:
+    """Compute the response, the static one included, and write it to ``path``.
+
+    Every finished frequency is kept in the folder ``path.parts`` and not computed again, so an interrupted campaign is
+    resumed by the same call. Remove the folder when the result is safe.
+
+    Parameters
+    ----------
+    path : path-like
+        The ``.npz`` file to write.
+    case : Case
+    omega : sequence of float
+        Angular frequencies, U/c, above zero.
+    probes : sequence of float
+        Frequencies at which the error is estimated by repeating the computation with one order more, a finer mesh and
+        twice the domain; they must be among ``omega``. None by default.
+    progress : callable
+        Given the list of frequencies to come, returns an iterable over it; tqdm serves.
+
+    Returns
+    -------
+    FrequencyResponse
+        With the provenance: equations, mesh, order, domain, versions, drag, and for each variation the largest relative
+        difference of a column at each probe.
+
+    Raises
+    ------
+    ValueError
+        If a frequency is not positive, a probe is not among them, or the folder belongs to another case.
+    UnsteadyFlowError
+        If the steady flow is unstable; seen are eigenvalues near the frequencies of vortex shedding, `SHEDDING`.
+    ImportError
+        If NGSolve is not installed.
+    """
+    frequencies = np.unique(np.asarray(omega, dtype=float))
+    if frequencies.size == 0 or not frequencies[0] > 0.0 or not np.isfinite(frequencies[-1]):
+        raise ValueError(
+            f"omega is {omega}; give finite frequencies above zero (the static response is always computed)"
+        )
+    strange = sorted(set(map(float, probes)) - set(frequencies.tolist()))
+    if strange:
+        raise ValueError(f"probes {strange} are not among the frequencies; choose some of omega")
+    folder = Path(f"{os.fspath(path)}.parts")
+    values, facts = _compute(folder / "main", case, frequencies, progress)
+    static, dynamic = values[0].real, values[1:]
+    estimates: dict[str, dict[str, float]] = {}
+    for name, variation in case.variations().items() if len(probes) else ():
+        at = np.asarray(sorted(probes), dtype=float)
+        other, _ = _compute(folder / name, variation, at, progress)
+        reference = np.concatenate([values[:1], dynamic[np.searchsorted(frequencies, at)]])
+        difference = _column_difference(reference, other)
+        estimates[name] = {f"{w:g}": float(d) for w, d in zip((0.0, *at), difference, strict=True)}
+    response = FrequencyResponse(
+        omega=frequencies, values=dynamic, static=static, base_load=np.asarray(facts.pop("base_load")),
+        provenance={
+            "source": f"{EQUATIONS}; Re = {case.reynolds:g}, incidence {case.incidence:g} rad, order {case.order}",
+            **asdict(case), **facts, "error_estimates": estimates,
+        },
+    )  # fmt: skip
+    response.save(path)
+    return response
+
+
+def _column_difference(reference: NDArray[np.complex128], other: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the largest relative difference of a column, (frequencies,); static heave, which is null, left out."""
+    norm = np.linalg.norm(reference, axis=1)
+    relative = np.linalg.norm(other - reference, axis=1) / np.where(norm > 0.0, norm, 1.0)
+    relative[0, 1] = 0.0
+    worst: NDArray[np.float64] = relative.max(axis=1)
+    return worst
+
+
+def _compute(
+    folder: Path, case: Case, omega: NDArray[np.float64], progress: Progress
+) -> tuple[NDArray[np.complex128], dict[str, Any]]:
+    """Return G at 0 and at ``omega``, (1 + m, N+1, N+2), and the facts of the run; finished parts are read back."""
+    folder.mkdir(parents=True, exist_ok=True)
+    _check_same_case(folder / "case.json", case)
+    wanted = [0.0, *omega.tolist()]
+    missing = [w for w in wanted if not _part(folder, w).exists()]
+    if missing:
+        response = case.response()
+        least_stable = _least_stable(response, case)
+        facts = {
+            "least_stable": [least_stable.real, least_stable.imag],
+            "drag": response.drag,
+            "base_load": response.base_load.tolist(),
+            "unknowns": response.unknowns,
+            "solver": solver_name(),
+            "ngsolve": importlib.metadata.version("ngsolve"),
+        }
+        (folder / "facts.json").write_text(json.dumps(facts))
+        for w in progress(missing):
+            save_arrays(_part(folder, w), _PART, {"transfer": response.transfer(1j * w)}, {"omega": w})
+    parts = [load_arrays(_part(folder, w), _PART)[0]["transfer"] for w in wanted]
+    return np.array(parts), json.loads((folder / "facts.json").read_text())
+
+
+def _least_stable(response: LinearResponse, case: Case) -> complex:
+    """Return the rightmost eigenvalue of the flow among those near the frequencies of vortex shedding."""
+    values = np.concatenate([response.eigenvalues(shift) for shift in SHEDDING])
+    rightmost = complex(values[values.real.argmax()])
+    if rightmost.real >= 0.0:
+        raise UnsteadyFlowError(
+            f"the steady flow at Re = {case.reynolds:g}, incidence {case.incidence:g} rad is unstable: it has the "
+            f"eigenvalue {rightmost:.4g}. Lower the Reynolds number or the incidence",
+            rightmost,
+        )
+    return rightmost
+
+
+def _check_same_case(file: Path, case: Case) -> None:
+    settings: Mapping[str, Any] = json.loads(json.dumps(asdict(case)))
+    if not file.exists():
+        file.write_text(json.dumps(settings))
+    elif json.loads(file.read_text()) != settings:
+        raise ValueError(
+            f"{str(file.parent)!r} belongs to the case {file.read_text()}; resume that, or remove the folder"
+        )
+
+
+def _part(folder: Path, omega: float) -> Path:
+    return folder / f"omega_{omega:.9e}.npz"
