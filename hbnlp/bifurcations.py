@@ -80,7 +80,11 @@ def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
         kinds.append(Kind.PERIOD_DOUBLING)
     unstable = abs(np.count_nonzero(np.abs(before) > 1.0) - np.count_nonzero(np.abs(after) > 1.0))
     through_one = (_beyond(before, 1.0) - _beyond(after, 1.0)) % 2
-    if unstable - doubling - through_one >= 2 or (unstable == 2 and not doubling and not through_one):
+    pairs = unstable - doubling - through_one >= 2
+    if (doubling or through_one) and _pairs(before) == _pairs(after):
+        # one goes out as another comes in, and no pair became real: those outside are counted as they are
+        pairs = _unstable_pairs(before) != _unstable_pairs(after)
+    if pairs:
         kinds.append(Kind.NEIMARK_SACKER)
     return tuple(kinds)
 
@@ -140,6 +144,11 @@ def _beyond(multipliers: ComplexArray, bound: float) -> int:
 
 def _unstable_pairs(multipliers: ComplexArray) -> int:
     return int(np.count_nonzero((np.abs(multipliers) > 1.0) & (multipliers.imag > 0.0)))
+
+
+def _pairs(multipliers: ComplexArray) -> int:
+    """Return how many pairs there are, of the multipliers that may soon matter."""
+    return int(np.count_nonzero((np.abs(multipliers) > 0.5) & (multipliers.imag > 0.0)))
 
 
 def _doubling_test(at: Multipliers) -> Callable[[Point], float]:
