@@ -330,6 +330,11 @@ STEPS = {
     "a pair goes out beside an unstable one": ([1.3, *PAIR_IN], [1.4, *PAIR_OUT], (Kind.NEIMARK_SACKER,)),
     "an unstable pair becomes real": (PAIR_OUT, [1.2, 1.1], ()),
     "an unstable pair becomes real beyond -1": ([-0.9 + 0.6j, -0.9 - 0.6j], [-1.2, -1.1], ()),
+    "a pair becomes real and one of it comes in": (
+        [1.07 + 0.31j, 1.07 - 0.31j, 0.45 + 0.2j, 0.45 - 0.2j],
+        [1.2, 0.95, 0.47 + 0.21j, 0.47 - 0.21j],
+        (),
+    ),
     "a pair goes out while one comes in through -1": (
         [-1.1, *PAIR_IN],
         [-0.9, *PAIR_OUT],
