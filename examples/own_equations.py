@@ -55,10 +55,10 @@ doubled = tracer.branch()
 print(doubled)
 
 # %%
-# Two ways to the same point: a Floquet multiplier of -1 here, and there the frequency at which the new branch ends.
+# Two ways to the same point: a Floquet multiplier of -1 here, and there the point at which it meets its mirror image.
 print(f"period doubling at omega = {second.value:.8f}, multiplier {second.multiplier.real:.8f}")
 assert abs(second.value - 2.15617499) < 1e-8
-assert abs(second.value - doubled.folds[-1].value) < 1e-7
+assert abs(second.value - doubled.branch_points[-1].value) < 1e-6
 
 # %%
 # And a check of the branch: direct integration from some of its states, over two periods of the force.

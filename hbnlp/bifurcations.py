@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from hbnlp.branch import Kind, SpecialPoint
 from hbnlp.continuation import Continuation, Point, locate
@@ -80,7 +81,9 @@ def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
         kinds.append(Kind.PERIOD_DOUBLING)
     unstable = abs(np.count_nonzero(np.abs(before) > 1.0) - np.count_nonzero(np.abs(after) > 1.0))
     through_one = (_beyond(before, 1.0) - _beyond(after, 1.0)) % 2
-    if unstable - doubling - through_one >= 2 or (unstable == 2 and not doubling and not through_one):
+    # one may come in through +1 or -1 while a pair goes out, or a pair become real on its way through +1
+    hidden = bool(doubling or through_one) and _pair_crosses(before, after)
+    if unstable - doubling - through_one >= 2 or hidden:
         kinds.append(Kind.NEIMARK_SACKER)
     return tuple(kinds)
 
@@ -140,6 +143,13 @@ def _beyond(multipliers: ComplexArray, bound: float) -> int:
 
 def _unstable_pairs(multipliers: ComplexArray) -> int:
     return int(np.count_nonzero((np.abs(multipliers) > 1.0) & (multipliers.imag > 0.0)))
+
+
+def _pair_crosses(before: ComplexArray, after: ComplexArray) -> bool:
+    """Return whether a pair that is one at both points, each multiplier going to the nearest, crosses the circle."""
+    rows, columns = linear_sum_assignment(np.abs(np.subtract.outer(before, after)))
+    a, b = before[rows], after[columns]
+    return bool(np.any((a.imag > 0.0) & (b.imag > 0.0) & ((np.abs(a) > 1.0) != (np.abs(b) > 1.0))))
 
 
 def _doubling_test(at: Multipliers) -> Callable[[Point], float]:

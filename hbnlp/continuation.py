@@ -217,7 +217,7 @@ class Continuation:
         return dataclasses.replace(trial, arclength=arclength, branch_point=branch_point), angle
 
     def _dips(self, trial: Point, length: float) -> bool:
-        """Return whether the determinant may have passed through zero twice: a parabola through three points says so."""
+        """Return whether the determinant may have been zero twice on the way, by a parabola through three points."""
         if self._before is None:
             return False
         base, before = self.point, self._before
@@ -249,6 +249,9 @@ class Continuation:
         located = locate(self, base, trial, test, tol=1e-5)
         if located is None:
             return None
+        # so near a branch point its tangent is hardly determined, at the ends of the step it is
+        middle = base.tangent + trial.tangent
+        located = dataclasses.replace(located, tangent=middle / np.linalg.norm(middle / located.scale))
         return _at_branch_point(self.curve, located, 0.01 * float(np.linalg.norm((trial.y - base.y) / base.scale)))
 
 
@@ -257,7 +260,7 @@ def locate(
 ) -> Point | None:
     """Return the point between two others where ``test`` vanishes, by Brent's method along the tangent of ``base``.
 
-    The search ends when ``test`` is below ``tol`` times its larger value at the ends; the two points next to the zero
+    The search ends when ``test`` is below ``tol`` times its smaller value at the ends; the two points next to the zero
     are then interpolated; with ``tol`` zero the result is corrected as well. None is returned if a corrector fails, or
     if the points do not close in on one another: a jump.
     """
@@ -267,13 +270,19 @@ def locate(
         return None
     points = {0.0: base, length: end}
     found = {0.0: test(base), length: test(end)}
-    enough = tol * max(abs(found[0.0]), abs(found[length]))
+    # a determinant changes by orders of magnitude within a step: its smaller value is the measure
+    smaller = min(abs(found[0.0]), abs(found[length]))
+    enough = tol * smaller
 
     def along(step: float) -> float:
         if step not in found:
             nearest = min(points, key=lambda s: abs(s - step))
             guess = points[nearest].y + (step - nearest) * base.tangent
             point = finish(stepper.curve, guess, row, points[nearest], stepper.options.newton)
+            if point is None:
+                # exactly at a branch point the matrix is singular, a little aside it is not
+                aside = guess + 1e-6 * length * base.tangent
+                point = finish(stepper.curve, aside, row, points[nearest], stepper.options.newton)
             if point is None:
                 raise ArithmeticError
             points[step], found[step] = point, test(point)
@@ -286,7 +295,7 @@ def locate(
     signs = np.sign(found[0.0])
     left = max((s for s in found if s <= root and found[s] * signs > 0.0), default=0.0)
     right = min((s for s in found if s >= root and found[s] * signs <= 0.0), default=length)
-    if abs(found[root]) > max(enough, 1e-3 * max(abs(found[0.0]), abs(found[length]))):
+    if abs(found[root]) > max(enough, 1e-3 * smaller):
         return None
     if float(np.linalg.norm((points[right].y - points[left].y) / base.scale)) > 3.0 * (right - left) + 1e-6 * length:
         return None
@@ -354,16 +363,20 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
 def _at_branch_point(curve: Curve, near: Point, reach: float) -> BranchPoint | None:
     """Return the branch point next to a point on a curve, and its second null vector.
 
-    There A = [J; tangent] is singular. With its left and right null vectors w and v, by inverse iteration, w.A v is zero
-    at the branch point and regular along the curve: a secant step along the tangent finds its zero. Newton steps
-    without a part along v put the point back onto the curve. None is returned if it strays farther than ``reach``.
+    There A = [J; tangent] is singular. With its left and right null vectors w and v, by inverse iteration, w.A v
+    is zero at the branch point and regular along the curve: a secant step along the tangent finds its zero. Newton
+    steps without a part along v put the point back onto the curve. None is returned if it strays beyond ``reach``.
     """
     y, scale, row = near.y, near.scale, near.tangent / near.scale**2
     right, left = scale.copy(), np.ones(y.size)
     for _ in range(4):
         factors = Bordered.at(curve, y, row)
         if factors.singular:
-            return None
+            matrix = np.zeros((y.size, y.size))
+            curve.jacobian(y, matrix[:-1])
+            matrix[-1] = row
+            right = np.linalg.svd(matrix * scale)[2][-1] * scale
+            break
         for _ in range(2):
             right = factors.solve(right / scale)
             right /= np.linalg.norm(right / scale)

@@ -78,6 +78,14 @@ def resize(coefficients: ArrayLike, n_harmonics: int) -> Array:
     return resized
 
 
+def stretch(coefficients: ArrayLike, factor: int) -> Array:
+    """Return the coefficients of the same signal over ``factor`` periods: harmonic h becomes harmonic h * factor."""
+    c = to_complex(coefficients)
+    stretched = np.zeros((*c.shape[:-1], factor * (c.shape[-1] - 1) + 1), dtype=complex)
+    stretched[..., ::factor] = c
+    return to_real(stretched)
+
+
 def shift(coefficients: ArrayLike, phase: float) -> Array:
     """Return the coefficients of ``a(theta + phase)``."""
     c = to_complex(coefficients)

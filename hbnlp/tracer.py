@@ -14,7 +14,7 @@ from hbnlp.bifurcations import branch_point, crossings, floquet_bifurcation, ref
 from hbnlp.branch import Branch, End, Kind, SpecialPoint
 from hbnlp.continuation import Continuation, Point, PseudoArclength, Stop, StopContinuation, finish, start_point
 from hbnlp.curves import ParameterCurve
-from hbnlp.fourier import Array
+from hbnlp.fourier import Array, stretch
 from hbnlp.linear_stability import check_linear_stability
 from hbnlp.recording import Traced, make_branch
 from hbnlp.solution import Solution
@@ -77,7 +77,7 @@ class Tracer:
         if resume is not None and len(resume) > 1:
             heading = first - np.append(resume.coefficients[-2].ravel(), resume.parameter[-2])
         elif away_from is not None:
-            heading = first - np.append(problem.vector(away_from.coefficients), away_from.parameters[name])
+            heading = first - np.append(_over_its_periods(problem, away_from), away_from.parameters[name])
         point = start_point(self._curve, first, heading)
         self._stepper = Continuation(self._curve, point, self.options)
         self._origin = point
@@ -237,7 +237,7 @@ class Tracer:
         values[self.problem.system.parameters.index(self.name)] = np.mean(self.span)
         linear = linear_guess(self.problem, values)
         size = max(float(np.linalg.norm(first[:-1])), float(np.linalg.norm(linear)))
-        return max(1e-6 * size, float(np.finfo(float).tiny))
+        return max(1e-6 * size, float(np.finfo(float).tiny)) if size > 0.0 else 1.0
 
     def _resume_from(self, resume: Branch) -> None:
         last = np.append(resume.coefficients[-1].ravel(), resume.parameter[-1])
@@ -253,6 +253,16 @@ class Tracer:
             self._stepper.step = float(np.clip(step, self.options.min_step, self.options.max_step))
             first, second = (np.append(resume.coefficients[i].ravel(), resume.parameter[i]) for i in (0, 1))
             self._origin = start_point(self._curve, first, second - first)
+
+
+def _over_its_periods(problem: HarmonicBalance, solution: Solution) -> Array:
+    """Return a solution of the same or of fewer periods as unknowns of the problem."""
+    factor, rest = divmod(problem.periods, solution.periods)
+    if rest or not factor:
+        raise ValueError(
+            f"away_from has {solution.periods} period(s) and the problem {problem.periods}; a divisor is needed"
+        )
+    return problem.vector(stretch(solution.coefficients, factor))
 
 
 def _checked_span(problem: HarmonicBalance, name: str, span: tuple[float, float]) -> tuple[float, float]:

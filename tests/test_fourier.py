@@ -14,6 +14,7 @@ from hbnlp.fourier import (
     n_coefficients,
     resize,
     shift,
+    stretch,
     to_complex,
     to_real,
 )
@@ -129,6 +130,12 @@ def test_shifts_add_up(a, one, other):
 def test_half_a_period_turns_the_sign_of_odd_harmonics(a):
     harmonic = (np.arange(len(a)) + 1) // 2
     np.testing.assert_allclose(shift(a, np.pi), a * (-1.0) ** harmonic, atol=1e-12)
+
+
+@examples
+@given(signals(), st.integers(1, 4), phases)
+def test_a_signal_stretched_over_more_periods_is_the_same_signal(a, factor, theta):
+    assert abs(value(stretch(a, factor), theta / factor) - value(a, theta)) <= 1e-10
 
 
 @examples

@@ -9,6 +9,14 @@ import pytest
 from hbnlp.interrupts import interrupts_kept
 
 
+@pytest.fixture(autouse=True)
+def _interruptible():
+    """A process started in the background ignores Ctrl-C; Python then does not raise KeyboardInterrupt."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def swallow():
     with suppress(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)

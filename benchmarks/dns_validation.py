@@ -1,0 +1,317 @@
+"""Fine validation of the flow solver: ``python benchmarks/dns_validation.py [case ...]``.
+
+Each case leaves one small JSON file with its provenance in docs/data/dns; finished cases are skipped, so that an
+interrupted campaign goes on where it stopped. Without names it lists the cases; ``all`` runs everything that is
+missing, ``tables`` rewrites the tables that docs/dns.md shows.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import platform
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbnlp import dns
+
+DATA = Path(__file__).parent.parent / "docs" / "data" / "dns"
+# nine, eleven and thirty-three times the base give about 1, 3 and 10
+BASE, MULTIPLES = 0.3, np.array([1, 3, 10, 33])
+Result = dict[str, object]
+
+
+def _settings(flow: dns.Simulation) -> Result:
+    grid = flow.grid
+    return {
+        "h": grid.spacing,
+        "shape": list(grid.shape),
+        "corner": list(grid.corner),
+        "levels": grid.levels,
+        "dt": flow.dt,
+        "reynolds": flow.reynolds,
+        "end": flow.time,
+    }
+
+
+def _run(flow: dns.Simulation, until: float, label: str) -> dns.History:
+    with dns.ProgressBar(until, label=label) as bar:
+        return flow.run(until, callback=bar)
+
+
+def _wake_length(flow: dns.Simulation, rear: float) -> float:
+    """Distance from the rear of the body to where the velocity on the axis turns positive."""
+    for level in range(flow.grid.levels):
+        h = flow.grid.cell(level)
+        x, y = flow.grid.nodes(level)
+        middle = int(np.argmin(np.abs(y)))
+        u = 1.0 + (flow.psi[level][:, middle + 1] - flow.psi[level][:, middle - 1]) / (2.0 * h)
+        turn = np.flatnonzero((u[:-1] < 0.0) & (u[1:] >= 0.0) & (x[:-1] > rear))
+        if turn.size:
+            i = int(turn[-1])
+            return float(x[i] - u[i] * h / (u[i + 1] - u[i]) - rear)
+    return math.nan
+
+
+def cylinder(reynolds: float, spacing: float, until: float) -> Result:
+    """Circular cylinder: mean drag, lift amplitude and Strouhal number over the last cycles, wake length at Re = 40."""
+    grid = dns.Grid.box(spacing=spacing, levels=6)
+
+    def pulse(t: float) -> tuple[float, float, float]:
+        """Brief incidence that starts the shedding."""
+        return (0.3 * math.exp(-((t - 3.0) ** 2)) if reynolds > 50.0 else 0.0), 0.0, 0.0
+
+    flow = dns.Simulation(
+        grid,
+        dns.circle(spacing),
+        reynolds=reynolds,
+        dt=(0.375 if reynolds < 150.0 else 0.3) * spacing,
+        motion=dns.Motion(pitch=pulse),
+    )
+    history = _run(flow, until, f"cylinder Re = {reynolds:g}")
+    late = history.load_time > 0.7 * until
+    t, lift, drag = history.load_time[late], history.lift[late], history.drag[late]
+    result: Result = {**_settings(flow), "C_D": float(drag[-1])}
+    if reynolds < 50.0:
+        return {**result, "wake_length": _wake_length(flow, 0.5)}
+    up = np.flatnonzero((lift[:-1] < 0.0) & (lift[1:] >= 0.0))
+    crossings = t[up] - lift[up] * flow.dt / (lift[up + 1] - lift[up])
+    whole = slice(int(up[0]), int(up[-1]))
+    return {
+        **result,
+        "C_D": float(drag[whole].mean()),
+        "C_L": float(0.5 * (lift[whole].max() - lift[whole].min())),
+        "St": float((crossings.size - 1) / (crossings[-1] - crossings[0])),
+        "cycles": int(crossings.size - 1),
+    }
+
+
+def plate(cells: int, levels: int, until: float = 60.0) -> Result:
+    """Rigid plate at one degree: drag and lift slope per radian."""
+    flow = dns.Simulation(
+        dns.Grid.around_plate(cells=cells, levels=levels),
+        dns.SharpPlate(),
+        dt=0.4 / cells,
+        motion=dns.Motion.at_incidence(1.0),
+    )
+    history = _run(flow, until, f"plate {cells}")
+    slope = history.lift / math.radians(1.0)
+    early = int(np.searchsorted(history.load_time, until - 5.0))
+    return {
+        **_settings(flow),
+        "C_D": float(history.drag[-1]),
+        "lift_slope": float(slope[-1]),
+        "change_in_5": float(slope[-1] - slope[early]),
+    }
+
+
+def response(channel: str | int, cells: int, levels: int = 6, dt_factor: float = 0.4) -> Result:
+    """One column of the linear response by small motions about the steady flow at zero incidence."""
+    grid = dns.Grid.around_plate(cells=cells, levels=levels)
+    steady = dns.Simulation(grid, dns.SharpPlate(), dt=0.4 / cells)
+    kept = Path(tempfile.gettempdir()) / f"hbnlp_steady_{cells}_{levels}.npz"
+    if kept.exists():
+        dns.load_state(steady, kept)
+    else:
+        _run(steady, 25.0, f"steady {cells}")
+        dns.save_state(steady, kept)
+    seconds = 3.0 * math.pi / BASE + steady.time
+    with dns.ProgressBar(seconds, label=f"response {channel} {cells}") as bar:
+        column = dns.linear_response(
+            grid, channel, MULTIPLES, base=BASE, steady=steady.state(), dt=dt_factor / cells, n_modes=6, callback=bar
+        )
+    return {
+        **_settings(steady),
+        "channel": channel,
+        "dt_response": dt_factor / cells,
+        "omega": column.omega.tolist(),
+        "lift": [[z.real, z.imag] for z in column.lift],
+        "dCp": [[[z.real, z.imag] for z in row] for row in column.coefficients],
+        "drift": column.drift,
+    }
+
+
+def coupled(degrees: float, cells: int, dt_factor: float = 0.4, omega: float = 2.0, periods: int = 8) -> Result:
+    """Membrane of the paper's case (mu = 0.5, Eh = 250, delta0 = 0.002), pitching about the leading edge."""
+    n_modes = 10
+    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=n_modes)
+    per_period = math.ceil(2.0 * math.pi / omega * cells / dt_factor)
+    dt = 2.0 * math.pi / omega / per_period
+    motion = dns.Motion.sinusoidal(omega, pitch=math.radians(degrees))
+    grid = dns.Grid.around_plate(cells=cells, levels=6)
+    flow = dns.Simulation(grid, dns.Membrane(mass_ratio=0.5, law=law, n_modes=n_modes), dt=dt, motion=motion)
+    history = _run(flow, periods * per_period * dt, f"membrane {degrees:g} deg {cells}")
+    last, before = slice(-per_period, None), slice(-2 * per_period, -per_period)
+    w = np.array([omega])
+    lift, earlier = (dns.harmonics(history.load_time[rows], history.lift[rows], w)[0] for rows in (last, before))
+    modes = dns.harmonics(history.time[last], history.deflection[last], w)[0]
+    return {
+        **_settings(flow),
+        "degrees": degrees,
+        "omega": omega,
+        "lift": [lift.real, lift.imag],
+        "lift_per_acceleration": abs(lift) / (math.radians(degrees) * omega**2),
+        "change_over_last_period": abs(lift - earlier) / abs(lift),
+        "W": [[z.real, z.imag] for z in modes],
+        "max_strain": max(law.strain(row) for row in history.deflection[last]),
+        "centrifugal_over_pressure": dns.neglected_inertia(history, motion, 0.5),
+    }
+
+
+CASES: dict[str, Callable[[], Result]] = {
+    "cylinder_40": partial(cylinder, 40.0, 0.02, 45.0),
+    "cylinder_100": partial(cylinder, 100.0, 0.02, 85.0),
+    "cylinder_200": partial(cylinder, 200.0, 0.02, 60.0),
+    **{f"plate_{n}": partial(plate, n, 6) for n in (25, 50, 75)},
+    **{f"plate_25_levels_{n}": partial(plate, 25, n) for n in (4, 5, 7)},
+    **{
+        f"response_{channel}_{n}": partial(response, channel, n) for n in (25, 50, 75) for channel in ("pitch", 1, 2, 3)
+    },
+    **{f"coupled_{d}_{n}": partial(coupled, d, n) for n in (25, 50) for d in (0.25, 2.5)},
+    **{f"coupled_{d}_50_half_dt": partial(coupled, d, 50, 0.2) for d in (0.25, 2.5)},
+}
+
+
+def run(name: str) -> None:
+    """Run one case unless its file is there."""
+    path = DATA / f"{name}.json"
+    if path.exists():
+        return
+    begun = time.process_time()
+    result = CASES[name]()
+    provenance = {
+        "case": name,
+        "command": f"python benchmarks/dns_validation.py {name}",
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "cpu_seconds": round(time.process_time() - begun, 1),
+    }
+    DATA.mkdir(parents=True, exist_ok=True)
+    partial_file = path.with_suffix(".json.part")
+    partial_file.write_text(json.dumps({**result, "provenance": provenance}, indent=1) + "\n")
+    partial_file.replace(path)
+
+
+PUBLISHED = {
+    40: {"C_D": "1.50-1.54", "wake_length": "2.13-2.35"},
+    100: {"C_D": "1.33-1.35", "C_L": ".33-.34", "St": ".164-.166"},
+    200: {"C_D": "1.31-1.35", "C_L": ".68-.69", "St": ".192-.197"},
+}
+Row = list[str]
+
+
+def _load(prefix: str) -> dict[str, dict[str, Any]]:
+    return {path.stem: json.loads(path.read_text()) for path in sorted(DATA.glob(f"{prefix}_*.json"))}
+
+
+def _complex(pair: list[float]) -> complex:
+    return complex(pair[0], pair[1])
+
+
+def _cylinder_rows() -> list[Row]:
+    rows = [["Re", "quantity", "computed", "published"]]
+    for data in sorted(_load("cylinder").values(), key=lambda item: float(item["reynolds"])):
+        for name, published in PUBLISHED[round(data["reynolds"])].items():
+            rows.append([f"{data['reynolds']:g}", name, f"{data[name]:.4f}", published])
+    return rows
+
+
+def _plate_rows() -> list[Row]:
+    rows = [["h", "levels", "C_D", "lift slope per rad", "change over the last 5 c/U"]]
+    rows += [
+        [f"{d['h']:.4f}", f"{d['levels']}", f"{d['C_D']:.4f}", f"{d['lift_slope']:.3f}", f"{d['change_in_5']:.3f}"]
+        for d in sorted(_load("plate").values(), key=lambda item: (-float(item["h"]), item["levels"]))
+    ]
+    return rows
+
+
+def _response_rows() -> list[Row]:
+    """Every grid, then the extrapolation from the two finest, an input and frequency a row."""
+    found: dict[str, dict[float, dict[str, Any]]] = {}
+    for data in _load("response").values():
+        found.setdefault(str(data["channel"]), {})[data["h"]] = data
+    rows = [["input", "omega", "h", "C_L", "dCp_1", "dCp_2", "dCp_3"]]
+    for channel, grids in sorted(found.items()):
+        columns = {
+            h: np.array(
+                [[_complex(z) for z in [lift, *row[:3]]] for lift, row in zip(d["lift"], d["dCp"], strict=True)]
+            )
+            for h, d in grids.items()
+        }
+        spacings = sorted(columns)
+        entries: list[tuple[str, np.ndarray]] = [(f"{h:.4f}", columns[h]) for h in reversed(spacings)]
+        if len(spacings) > 1:
+            fine, coarse = spacings[:2]
+            weight = fine / (coarse - fine)
+            entries.append(("extrapolated", columns[fine] + weight * (columns[fine] - columns[coarse])))
+        label = channel if channel == "pitch" else f"W_{channel}"
+        for i, omega in enumerate(next(iter(grids.values()))["omega"]):
+            rows += [[label, f"{omega:.3g}", name, *(f"{z:.3f}" for z in values[i])] for name, values in entries]
+    return rows
+
+
+def _coupled_rows() -> list[Row]:
+    rows = [
+        [
+            "alpha_2 (deg)",
+            "h",
+            "dt",
+            "C_L amplitude",
+            "C_L / alpha''",
+            "W_1",
+            "max strain",
+            "centrifugal / dCp",
+            "CPU s",
+        ]
+    ]
+    rows += [
+        [
+            f"{d['degrees']:g}",
+            f"{d['h']:.3f}",
+            f"{d['dt']:.4f}",
+            f"{abs(_complex(d['lift'])):.4f}",
+            f"{d['lift_per_acceleration']:.3f}",
+            f"{abs(_complex(d['W'][0])):.4f}",
+            f"{d['max_strain']:.2e}",
+            f"{d['centrifugal_over_pressure']:.1e}",
+            f"{d['provenance']['cpu_seconds']:.0f}",
+        ]
+        for d in sorted(
+            _load("coupled").values(), key=lambda item: (item["degrees"], -float(item["h"]), -float(item["dt"]))
+        )
+    ]
+    return rows
+
+
+def tables() -> None:
+    """Write the tables of docs/dns.md from the result files."""
+    makers = {"cylinder": _cylinder_rows, "plate": _plate_rows, "response": _response_rows, "coupled": _coupled_rows}
+    for name, rows in makers.items():
+        with (DATA / f"{name}.csv").open("w", newline="") as stream:
+            csv.writer(stream, lineterminator="\n").writerows(rows())
+
+
+def main(arguments: list[str]) -> None:
+    """Run the named cases, or list them."""
+    if not arguments:
+        print("\n".join(CASES))
+    elif arguments == ["tables"]:
+        tables()
+    else:
+        for wanted in CASES if arguments == ["all"] else arguments:
+            run(wanted)
+        tables()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

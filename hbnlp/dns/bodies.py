@@ -1,0 +1,138 @@
+"""What a user may put into the flow: points of closed or thin bodies, fixed or moving, and the sharp plate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hbnlp.dns._types import Array
+
+
+@dataclass(frozen=True)
+class Points:
+    """A body that rests in the frame, by points on its surface.
+
+    Parameters
+    ----------
+    positions : ndarray of shape (n, 2)
+        Points, about 1 to 2 cells apart, in order along the surface.
+    closed : bool
+        Whether the last point is joined to the first.
+    """
+
+    positions: Array
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        _check_points(self.positions)
+
+
+@dataclass(frozen=True)
+class MovingPoints:
+    """A rigid or deforming body that moves through the grid.
+
+    Parameters
+    ----------
+    motion : callable
+        ``motion(t) -> (positions, velocities)``, each of shape (n, 2).
+    reach : tuple
+        Rectangle ((x_low, x_high), (y_low, y_high)) that holds the body at all times, as small as may be: the response
+        of the fluid on it is tabulated once.
+    closed : bool
+        Whether the last point is joined to the first.
+    """
+
+    motion: Callable[[float], tuple[Array, Array]]
+    reach: tuple[tuple[float, float], tuple[float, float]]
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        (x_low, x_high), (y_low, y_high) = self.reach
+        if not (x_high > x_low and y_high > y_low):
+            raise ValueError(f"reach is {self.reach}; each pair must be (lower, upper)")
+
+
+Modal = Callable[[float], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class SharpPlate:
+    """The infinitely thin plate from (0, 0) to (1, 0) in the frame, rigid or with a prescribed deflection.
+
+    Parameters
+    ----------
+    deflection : callable, optional
+        ``deflection(t) -> (W, W')``, each of shape (n_modes,), for w = sum_k W_k sin(k pi x). None is a rigid plate.
+    n_modes : int
+        Number of sine modes of the deflection; also of the recorded pressure-jump coefficients.
+    """
+
+    deflection: Modal | None = None
+    n_modes: int = 10
+
+    @classmethod
+    def oscillating(cls, omega: float, amplitudes: Array) -> SharpPlate:
+        """Deflection W_k = amplitudes[k] sin(omega t)."""
+        amplitudes = np.asarray(amplitudes, dtype=float)
+        return cls(
+            deflection=lambda t: (amplitudes * math.sin(omega * t), amplitudes * omega * math.cos(omega * t)),
+            n_modes=amplitudes.size,
+        )
+
+
+Body = Points | MovingPoints | SharpPlate
+
+
+def circle(
+    spacing: float,
+    *,
+    diameter: float = 1.0,
+    centre: tuple[float, float] = (0.0, 0.0),
+    ratio: float = 1.5,
+    retraction: float = 0.3,
+) -> Points:
+    """Circular cylinder by points on a circle slightly inside its surface.
+
+    A regularised surface acts like one that lies outside its points by about 0.3 cells, an error of first order in the
+    cell size, which retracting the points by as much removes (Breugem 2012, for the kernel used here).
+
+    Parameters
+    ----------
+    spacing : float
+        Cell size of the fine grid.
+    diameter : float
+        Diameter.
+    centre : tuple of float
+        Centre.
+    ratio : float
+        Distance of the points in cells.
+    retraction : float
+        Depth of the points below the surface in cells.
+
+    References
+    ----------
+    Breugem (2012), doi:10.1016/j.jcp.2012.02.026.
+    """
+    if not (spacing > 0.0 and diameter > 0.0 and ratio > 0.0):
+        raise ValueError(f"spacing, diameter, ratio = {spacing}, {diameter}, {ratio}; all must be positive")
+    radius = 0.5 * diameter - retraction * spacing
+    if not radius > spacing:
+        raise ValueError(
+            f"a diameter of {diameter} and a retraction of {retraction} cells leave a radius of {radius:.3g}, "
+            f"less than a cell ({spacing}): refine the grid"
+        )
+    n = max(8, round(2.0 * math.pi * radius / (ratio * spacing)))
+    angle = 2.0 * np.pi * np.arange(n) / n
+    return Points(
+        np.column_stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)]), closed=True
+    )
+
+
+def _check_points(positions: Array) -> None:
+    if positions.ndim != 2 or positions.shape[1] != 2 or positions.shape[0] < 2:
+        raise ValueError(f"positions has shape {positions.shape}; (n, 2) with n >= 2 is needed")
+    if not np.isfinite(positions).all():
+        raise ValueError("positions has values that are not finite")

@@ -1,0 +1,101 @@
+"""Loads and deflections over time, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hbnlp.dns._types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a step leaves: loads are means over the step and belong to its middle, the deflection to its end.
+
+    Parameters
+    ----------
+    time : float
+        End of the step.
+    lift, drag : float
+        C_L and C_D, the whole force, friction included, normal to and along the stream.
+    jump : ndarray of shape (n,)
+        Pressure jump dCp along the sharp plate; empty for other bodies.
+    coefficients : ndarray of shape (n_modes,)
+        Its sine coefficients dCp_k; empty for other bodies.
+    deflection, rate : ndarray of shape (n_modes,)
+        W and W' of a plate that deforms; empty otherwise.
+    """
+
+    time: float
+    lift: float
+    drag: float
+    jump: Array
+    coefficients: Array
+    deflection: Array
+    rate: Array
+
+
+@dataclass(frozen=True)
+class History:
+    """Records of a run, one row a step.
+
+    Parameters
+    ----------
+    load_time : ndarray of shape (steps,)
+        Middles of the steps, the times of the loads.
+    time : ndarray of shape (steps,)
+        Ends of the steps, the times of the deflections.
+    lift, drag : ndarray of shape (steps,)
+        C_L and C_D.
+    jump : ndarray of shape (steps, n)
+        dCp along the plate.
+    coefficients : ndarray of shape (steps, n_modes)
+        dCp_k.
+    deflection, rate : ndarray of shape (steps, n_modes)
+        W and W'.
+    """
+
+    load_time: Array
+    time: Array
+    lift: Array
+    drag: Array
+    jump: Array
+    coefficients: Array
+    deflection: Array
+    rate: Array
+
+    @classmethod
+    def of(cls, records: list[Record], dt: float) -> History:
+        """Stack records of equal shape."""
+        time = np.array([record.time for record in records])
+        stacks = {
+            name: np.array([getattr(record, name) for record in records]).reshape(len(records), -1)
+            for name in ("jump", "coefficients", "deflection", "rate")
+        }
+        return cls(
+            load_time=time - 0.5 * dt,
+            time=time,
+            lift=np.array([record.lift for record in records]),
+            drag=np.array([record.drag for record in records]),
+            **stacks,
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw C_L and C_D over time; see `hbnlp.dns.plot.plot_loads`."""
+        from hbnlp.dns.plot import plot_loads  # noqa: PLC0415
+
+        return plot_loads(self, ax)
+
+    def __repr__(self) -> str:
+        if self.time.size == 0:
+            return "History(no steps)"
+        return (
+            f"History({self.time.size} steps, t = {self.time[0]:.4g} .. {self.time[-1]:.4g},\n"
+            f"        last C_L = {self.lift[-1]:.4g}, C_D = {self.drag[-1]:.4g}, "
+            f"{self.deflection.shape[1]} modes of deflection)"
+        )
