@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hbnlp.balance import HarmonicBalance
-from hbnlp.branch import SpecialPoint
+from hbnlp.branch import Kind, SpecialPoint
 from hbnlp.continuation import Continuation, Point, PseudoArclength, StopContinuation, locate, start_point
 from hbnlp.errors import ConvergenceError
 from hbnlp.folds import FoldCurve
@@ -170,10 +170,12 @@ def fold_curve(
     ConvergenceError
         If the fold does not converge in this problem.
     ValueError, KeyError
-        For spans that do not hold the fold, or unknown or equal parameters.
+        For another special point, spans that do not hold the fold, or unknown or equal parameters.
     """
     if first == second:
         raise ValueError(f"first and second are both {first!r}; two different parameters are needed")
+    if fold.kind is not Kind.FOLD:
+        raise ValueError(f"fold is a {fold.kind.value}; a fold is needed, one of branch.folds")
     values = problem.values(fold.solution.parameters)
     curve = FoldCurve(problem, values, first, second)
     place = values[[curve.first, problem.system.parameters.index(second)]]
