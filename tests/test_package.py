@@ -9,9 +9,10 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pytest
-
 import hbnlp
+import hbnlp.design
+import hbnlp.identification
+import hbnlp.plot
 import hbnlp.testing
 
 ROOT = Path(__file__).parents[1]
@@ -21,12 +22,6 @@ def run_python(code, folder):
     """Run code in a new Python, warnings as errors, within folder."""
     command = [sys.executable, "-W", "error", "-c", code]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=240)
-
-
-def python_blocks(path):
-    """Return the fenced Python of a Markdown file, joined: one script from top to bottom."""
-    fence = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
-    return "\n".join(fence.findall(path.read_text(encoding="utf-8")))
 
 
 def test_importing_the_package_does_not_import_matplotlib_or_control(tmp_path):
@@ -66,11 +61,3 @@ def test_every_public_name_is_in_the_reference():
     ]
     missing = [thing for thing in public if not inspect.ismodule(thing) and thing not in listed]
     assert missing == []
-
-
-@pytest.mark.parametrize("text", ["README.md", "docs/start.md", "docs/howto_own_equations.md"])
-def test_the_code_in_the_texts_runs_as_it_stands(text, tmp_path):
-    code = python_blocks(ROOT / text)
-    assert code
-    done = run_python(code, tmp_path)
-    assert done.returncode == 0, done.stderr

@@ -175,8 +175,8 @@ def theodorsen_transfer(s: ArrayLike, n_modes: int = 10) -> ComplexArray:
 def thin_airfoil(n_modes: int = 10) -> AeroROM:
     """Return the inviscid thin-airfoil ROM with R. T. Jones' two lag states.
 
-    Everything but Theodorsen's function is exact; C(s/2) is replaced by 1 - sum_i a_i s/(s + b_i) [3]_. On the
-    imaginary axis that is off by at most 0.0146 (near omega = 0.8; at most 2.4 % of C) and exact in both limits,
+    Everything but Theodorsen's function is exact; C(s/2) is replaced by 1 - sum_i a_i s/(s + b_i), after R. T. Jones.
+    On the imaginary axis that is off by at most 0.0146 (near omega = 0.8; at most 2.4 % of C) and exact in both limits,
     s = 0 and large s. The whole G(s) of ten modes is off by at most 0.71 % in the Frobenius norm.
 
     Parameters
