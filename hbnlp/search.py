@@ -54,6 +54,12 @@ class Search:
             raise ValueError(f"n_starts = {self.n_starts!r}, n_deflated = {self.n_deflated!r}; neither can be negative")
         if not 0.0 < self.amplitudes[0] <= self.amplitudes[1]:
             raise ValueError(f"amplitudes = {self.amplitudes!r}; two positive numbers in rising order are needed")
+        if not self.largest_load >= 0.0:
+            raise ValueError(f"largest_load = {self.largest_load!r}; zero (off) or a number above 1 is needed")
+        if not 0.0 < self.separation < 1.0:
+            raise ValueError(f"separation = {self.separation!r}; a number between 0 and 1 is needed")
+        if self.max_iterations < 1:
+            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
 
 
 def find_all(
@@ -127,7 +133,7 @@ def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, option
     if options.largest_load <= 1.0:
         return []
     curve = LoadCurve(problem, values)
-    curve.solution_floor = max(1e-6 * float(np.linalg.norm(x)), curve.solution_floor)
+    curve.solution_floor = 1e-6 * float(np.linalg.norm(x)) or 1.0
     crossings = []
     for sign in (1.0, -1.0):
         toward = np.zeros(x.size + 1)

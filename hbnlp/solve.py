@@ -207,7 +207,7 @@ def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array 
     if not rest.converged:
         return None
     linear = linear_guess(problem, values)
-    curve.solution_floor = max(1e-3 * float(np.linalg.norm(linear)), curve.solution_floor)
+    curve.solution_floor = 1e-3 * float(np.linalg.norm(linear)) or 1.0
     # at a linear resonance the curve leaves rest without a slope in the load: either way may be the one that grows
     for toward in (full, -start_point(curve, rest.y, full).tangent):
         walk = Continuation(curve, start_point(curve, rest.y, toward), PseudoArclength(max_points=2000))
