@@ -160,7 +160,11 @@ def sweep(
     Sweep or TimeSweep
     """
     if isinstance(subject, System):
+        if method is not None and not callable(getattr(method, "propagator", None)):
+            raise TypeError(f"method is {method!r}; a System is marched by RungeKutta4(...) or Adaptive(...)")
         return march(subject, name, values, at=at, **({"method": method} if method is not None else {}), **options)
+    if not isinstance(subject, HarmonicBalance):
+        raise TypeError(f"subject is {subject!r}; a HarmonicBalance or a System is needed")
     return _by_newton(subject, name, values, at=at, method=method or Newton(), **options)
 
 

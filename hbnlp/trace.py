@@ -106,6 +106,7 @@ def trace(
         end = End.STOPPED
     except Exception as error:
         branch = tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
+        observed.finished(branch)
         raise TraceError(
             f"the trace failed after {len(branch)} points, which the attribute 'branch' of this error keeps: {error}",
             branch,
@@ -139,18 +140,24 @@ class _Observed:
 
     def _tell(self, branch: Callable[[], Branch], *, done: bool) -> None:
         tracer = self._tracer
+        progress = Progress(
+            name=tracer.name,
+            value=self._value,
+            fraction=self._fraction,
+            n_points=tracer.n_points,
+            n_folds=tracer.n_folds,
+            done=done,
+            branch=branch,
+        )
         for callback in self._callbacks:
-            callback(
-                Progress(
-                    name=tracer.name,
-                    value=self._value,
-                    fraction=self._fraction,
-                    n_points=tracer.n_points,
-                    n_folds=tracer.n_folds,
-                    done=done,
-                    branch=branch,
-                )
-            )
+            try:
+                callback(progress)
+            except Exception as error:
+                if not done:
+                    raise
+                # the trace has ended: the branch is returned, and the other callbacks hear of it, too
+                if not isinstance(error, StopTracing):
+                    logger.exception("a callback failed after the end of the trace")
 
     def _part(self, value: float) -> float:
         begin, end = self._tracer.span

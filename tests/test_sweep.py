@@ -1,0 +1,176 @@
+"""Marching by Newton's method: it follows a branch to its fold, jumps there and nowhere else, and records it."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hbnlp.balance import HarmonicBalance
+from hbnlp.errors import SaveError
+from hbnlp.integrators import Adaptive, RungeKutta4
+from hbnlp.newton import Newton
+from hbnlp.solve import solve
+from hbnlp.sweep import Sweep, sweep
+from hbnlp.system import System
+from hbnlp.systems import duffing, tuned_absorber
+from hbnlp.testing import check_branch
+from hbnlp.timesweep import TimeSweep
+from hbnlp.trace import trace
+
+# folds of x'' + .05 x' + x + .1 x^3 = .18 cos w t, converged (KNOWN_VALUES, section 1)
+UP, DOWN = 1.115700251771, 1.2696019555
+OMEGAS = np.round(np.arange(0.9, 1.4, 0.005), 6)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return HarmonicBalance(duffing(), 7)
+
+
+@pytest.fixture(scope="module", params=[1, -1], ids=["up", "down"])
+def marched(request, problem):
+    return request.param, sweep(problem, "omega", OMEGAS[:: request.param])
+
+
+def test_a_sweep_jumps_at_the_fold_and_nowhere_else(marched):
+    direction, result = marched
+    assert result.converged.all()
+    assert result.jumps.size == 1
+    low, high = sorted(result.jump_brackets[0])
+    assert low < (DOWN if direction == 1 else UP) < high
+    assert high - low == pytest.approx(0.005)
+    k = result.jumps[0]
+    np.testing.assert_array_equal(result.jump_brackets[0], result.parameter[k - 1 : k + 1])
+    size = np.abs(result.harmonics("x")[:, 1])
+    assert abs(size[k] - size[k - 1]) > 0.5
+
+
+def test_every_solution_of_a_sweep_is_on_the_traced_branch_and_stable(marched, problem):
+    _, result = marched
+    for k in range(0, len(result), 7):
+        values = problem.values({"omega": result.parameter[k]})
+        x = result.coefficients[k].ravel()
+        assert np.abs(problem.residual(x, values).full()).max() < 1e-9
+    branch = trace(problem, "omega", (0.9, 1.4))
+    check_branch(branch)
+    for k in range(0, len(result), 7):
+        distance = np.linalg.norm(branch.coefficients - result.coefficients[k], axis=(1, 2))
+        assert branch.stable[np.argmin(distance)]
+
+
+def test_sweeps_up_and_down_agree_outside_of_the_hysteresis_and_differ_within(problem):
+    up, down = sweep(problem, "omega", OMEGAS), sweep(problem, "omega", OMEGAS[::-1])
+    np.testing.assert_array_equal(down.parameter[::-1], up.parameter)
+    distance = np.abs(up.harmonics("x")[:, 1] - down.harmonics("x")[::-1, 1])
+    within = (OMEGAS > UP) & (OMEGAS < DOWN)
+    assert distance[~within].max() < 1e-8
+    assert distance[within].min() > 0.1
+
+
+def test_a_steep_resonance_is_no_jump():
+    system = System(1.0, 0.01, 1.0, forcing=lambda tau, p: [ca.cos(tau)])
+    result = sweep(HarmonicBalance(system, 1), "omega", np.linspace(0.9, 1.1, 11))
+    exact = 1.0 / (1.0 - result.parameter**2 + 0.01j * result.parameter)
+    np.testing.assert_allclose(result.harmonics("x")[:, 1], exact, rtol=1e-9)
+    assert result.jumps.size == 0
+
+
+def test_steps_too_long_for_newton_are_divided_and_are_no_jumps(problem):
+    """Below the hysteresis there is one solution: however it is reached, it is that of short steps."""
+    result = sweep(problem, "omega", [0.5, 1.1], method=Newton(max_iterations=6))
+    fine = sweep(problem, "omega", np.linspace(0.5, 1.1, 111))
+    assert result.converged.all()
+    np.testing.assert_allclose(result.coefficients[-1], fine.coefficients[-1], atol=1e-8)
+    assert result.jumps.size == fine.jumps.size == 0
+
+
+def test_any_parameter_is_marched_and_the_rest_kept(problem):
+    result = sweep(problem, "force", np.linspace(0.05, 0.5, 40), at={"omega": 1.2})
+    assert result.jumps.size == 1
+    low, high = result.jump_brackets[0]
+    branch = trace(problem, "force", (0.05, 0.5), at={"omega": 1.2}, stability=None)
+    check_branch(branch)
+    assert low < branch.folds[0].value < high
+    assert result.parameters == {"damping_ratio": 0.025, "cubic": 0.1, "omega": 1.2}
+    assert result.name == "force"
+
+
+def test_a_sweep_begins_from_a_solution_that_is_given(problem):
+    start = solve(problem, at={"omega": 1.2}, guess=[[0.0, 1.37, 2.1]])
+    result = sweep(problem, "omega", [1.21, 1.25], start=start)
+    assert result.jumps.size == 0
+    assert abs(result.harmonics("x")[0, 1]) > 2.4
+    low = sweep(problem, "omega", [1.21, 1.25])
+    assert abs(low.harmonics("x")[0, 1]) < 0.5
+
+
+def test_what_does_not_converge_is_nan_and_nothing_else_is_lost():
+    """An undamped linear oscillator has no response at its resonance."""
+    system = System(1.0, 0.0, 1.0, forcing=lambda tau, p: [ca.cos(tau)])
+    result = sweep(HarmonicBalance(system, 1), "omega", [0.5, 1.0, 2.0])
+    np.testing.assert_array_equal(result.converged, [True, False, True])
+    assert np.isnan(result.coefficients[1]).all()
+    assert np.isnan(result.harmonics("x")[1]).all()
+    np.testing.assert_allclose(result.harmonics("x")[[0, 2], 1], [4.0 / 3.0, -1.0 / 3.0], rtol=1e-9)
+
+
+def test_a_sweep_is_the_same_after_saving_and_loading(marched, tmp_path):
+    _, result = marched
+    result.save(tmp_path / "sweep.npz")
+    loaded = Sweep.load(tmp_path / "sweep.npz")
+    for name in ("parameter", "coefficients", "amplitudes", "converged", "jumps", "jump_brackets"):
+        np.testing.assert_array_equal(getattr(loaded, name), getattr(result, name))
+    for name in ("name", "output_names", "periods"):
+        assert getattr(loaded, name) == getattr(result, name)
+    assert dict(loaded.parameters) == dict(result.parameters)
+    assert repr(loaded) == repr(result)
+    assert len(repr(result).splitlines()) <= 5
+    with pytest.raises(SaveError, match="could not write"):
+        result.save(tmp_path / "missing" / "sweep.npz")
+
+
+def test_a_sweep_without_jumps_or_with_holes_survives_the_file(tmp_path):
+    system = System(1.0, 0.0, 1.0, forcing=lambda tau, p: [ca.cos(tau)])
+    result = sweep(HarmonicBalance(system, 1), "omega", [0.5, 1.0])
+    result.save(tmp_path / "sweep.npz")
+    loaded = Sweep.load(tmp_path / "sweep.npz")
+    np.testing.assert_array_equal(loaded.coefficients, result.coefficients)
+    assert loaded.jump_brackets.shape == (0, 2)
+
+
+@pytest.mark.parametrize("method", [None, RungeKutta4(steps_per_period=256), Adaptive()], ids=str)
+def test_a_system_is_marched_by_direct_integration(method):
+    system = duffing(damping_ratio=0.2)
+    by_time = sweep(system, "omega", [0.8, 1.0], method=method)
+    by_newton = sweep(HarmonicBalance(system, 7), "omega", [0.8, 1.0])
+    assert isinstance(by_time, TimeSweep)
+    np.testing.assert_allclose(by_time.harmonics("x")[:, 1], by_newton.harmonics("x")[:, 1], atol=1e-6)
+
+
+def test_a_balance_over_two_periods_is_marched_over_two():
+    problem = HarmonicBalance(tuned_absorber(force=0.05), 4, periods=2)
+    result = sweep(problem, "omega", [0.6, 0.7])
+    assert result.periods == 2
+    np.testing.assert_allclose(result.harmonics("x1")[:, 1::2], 0.0, atol=1e-12)
+
+
+def test_bad_arguments_are_refused(problem):
+    with pytest.raises(KeyError, match="unknown parameter 'omga'; did you mean 'omega'"):
+        sweep(problem, "omga", [1.0])
+    with pytest.raises(ValueError, match="parameter 'omega' has no value"):
+        sweep(problem, "force", [1.0])
+    for values in ([], [np.nan], [[1.0, 2.0]]):
+        with pytest.raises(ValueError, match=r"values = .*; a sequence of finite numbers, at least one, is needed"):
+            sweep(problem, "omega", values)
+    with pytest.raises(TypeError, match=r"method is RungeKutta4.*; a HarmonicBalance is marched by Newton"):
+        sweep(problem, "omega", [1.0], method=RungeKutta4())
+    with pytest.raises(TypeError, match="method"):
+        sweep(duffing(), "omega", [1.0], method=Newton())
+    with pytest.raises(TypeError, match=r"unknown|unexpected"):
+        sweep(problem, "omega", [1.0], strt=None)
+    with pytest.raises(TypeError, match="HarmonicBalance"):
+        sweep("a system", "omega", [1.0])
+
+
+def test_an_unknown_output_is_refused(marched):
+    with pytest.raises(KeyError, match=r"unknown output 'y' \(known: x\)"):
+        marched[1].harmonics("y")
