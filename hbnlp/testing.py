@@ -75,7 +75,8 @@ def _check_special_points(branch: Branch) -> None:
         low, high = min(ends), max(ends)
         width = max(high - low, 1e-9 * abs(high))
         if point.kind is Kind.FOLD:
-            beyond = point.value >= high - 1e-9 * width or point.value <= low + 1e-9 * width
+            slack = 1e-10 * abs(high)  # the tolerance of the corrector: points may crowd at a fold
+            beyond = point.value >= high - slack or point.value <= low + slack
             assert beyond, f"{point} is no extremum of its bracket"
             assert abs(point.value - 0.5 * (low + high)) <= 20.0 * width + 1e-3 * abs(high), f"{point} is far away"
     folds = [p.index for p in branch.folds]
