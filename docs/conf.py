@@ -1,6 +1,9 @@
 """Sphinx configuration: sphinx-build -W docs docs/_build/html."""
 
 import importlib.metadata
+import os
+
+os.environ.setdefault("TQDM_DISABLE", "1")  # progress bars are for terminals, not for pages
 
 project = "hbnlp"
 author = "The hbnlp developers"
