@@ -208,8 +208,8 @@ class Continuation:
         branch_point = None
         if trial.orientation == base.orientation:
             if length > SUSPICIOUS_LENGTH and self._dips(trial, length):
-                middle = self.at(base, 0.5 * float(base.tangent / scale**2 @ (trial.y - base.y)))
-                if middle is None or middle.orientation != base.orientation:
+                half_way = self.at(base, 0.5 * float(base.tangent / scale**2 @ (trial.y - base.y)))
+                if half_way is None or half_way.orientation != base.orientation:
                     return None, angle
         else:
             branch_point = self._locate_branch_point(base, trial)
