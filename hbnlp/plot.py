@@ -152,7 +152,10 @@ def _new_axes() -> Axes:
 
 def _level(source: Any, output: str, harmonic: int, per: str | None, decibels: bool) -> Array:
     """Return what is drawn for every point of a branch or sweep, or for one solution."""
-    size = np.abs(source.harmonics(output)[..., harmonic])
+    amplitudes = source.harmonics(output)
+    if not 0 <= harmonic < amplitudes.shape[-1]:
+        raise ValueError(f"harmonic = {harmonic}; 0 to {amplitudes.shape[-1] - 1} are retained")
+    size = np.abs(amplitudes[..., harmonic])
     if per is not None:
         size = size / np.abs(source.harmonics(per)[..., 1])
     with np.errstate(divide="ignore"):

@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from hbnlp.fourier import Array, ComplexArray
 from hbnlp.parameters import unknown_name
 from hbnlp.storage import load_arrays, save_arrays
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _KIND = "time sweep"
 _ARRAYS = ("parameter", "amplitudes", "states", "periodic", "defects", "n_periods", "jumps", "jump_brackets")
@@ -88,6 +91,12 @@ class TimeSweep:
         if output not in self.output_names:
             raise KeyError(unknown_name("output", output, self.output_names))
         return self.amplitudes[:, self.output_names.index(output)]
+
+    def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
+        """Draw the amplitude of one harmonic of an output, jumps as arrows; see `hbnlp.plot.plot_sweep`."""
+        from hbnlp.plot import plot_sweep  # matplotlib is imported only when something is drawn
+
+        return plot_sweep(self, output, ax=ax, harmonic=harmonic, **options)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the sweep to one ``.npz`` file (no pickle; all of it or nothing).
