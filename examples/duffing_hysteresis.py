@@ -26,7 +26,6 @@ from pathlib import Path
 import numpy as np
 
 import hbnlp
-from hbnlp.plot import plot_sweep
 
 system = hbnlp.systems.duffing(damping_ratio=0.025, cubic=0.1, force=0.18)
 problem = hbnlp.HarmonicBalance(system, n_harmonics=7)
@@ -55,8 +54,8 @@ assert falling.jump_brackets[0, 1] < up.value < falling.jump_brackets[0, 0]
 
 ax = branch.plot("x")
 style = {"markersize": 5.0, "markerfacecolor": "none", "linestyle": "none"}
-plot_sweep(rising, "x", ax=ax, label="time integration, up", marker="^", color="tab:orange", **style)
-plot_sweep(falling, "x", ax=ax, label="time integration, down", marker="v", color="tab:green", **style)
+rising.plot("x", ax=ax, label="time integration, up", marker="^", color="tab:orange", **style)
+falling.plot("x", ax=ax, label="time integration, down", marker="v", color="tab:green", **style)
 ax.set_xlim(0.8, 1.45)
 ax.legend(loc="upper left", frameon=False)
 Path("figures").mkdir(exist_ok=True)

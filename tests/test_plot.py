@@ -227,3 +227,17 @@ def test_an_unknown_output_and_an_unknown_harmonic_are_refused(branch):
 def test_figures_can_be_written(branch, tmp_path):
     branch.plot("x").figure.savefig(tmp_path / "branch.png")
     assert (tmp_path / "branch.png").stat().st_size > 5000
+
+
+def test_the_kinds_of_special_points_that_are_marked_can_be_chosen(absorber):
+    assert Kind.FOLD.value in legend(absorber.plot("x1", special={Kind.FOLD}))
+    assert Kind.NEIMARK_SACKER.value not in legend(absorber.plot("x1", special={Kind.FOLD}))
+
+
+def test_frequencies_on_a_logarithmic_axis_are_written_as_numbers(branch):
+    ax = plt.subplots()[1]
+    ax.set_xscale("log")
+    branch.plot("x", ax=ax)
+    ax.set_xlim(0.05, 50.0)
+    ax.figure.canvas.draw()
+    assert {"0.1", "1", "10"} <= {tick.get_text() for tick in ax.get_xticklabels()}
