@@ -54,8 +54,7 @@ for ax, degrees, excess in zip(axes, (2.5, 10.0), (2.61, 2.10), strict=True):
 
     if degrees == 2.5:
         quiet = hbnlp.solve(problem, at={"omega": 14.0, **pitch})
-        careful = hbnlp.PseudoArclength(angle=5)
-        detached = hbnlp.trace(problem, "omega", (0.1, 60.0), start=quiet, direction=-1, method=careful)
+        detached = hbnlp.trace(problem, "omega", (0.1, 60.0), start=quiet, direction=-1)
         detached.plot("C_L", ax=ax, label="from the quiet motion", **drawn)
         first = min(fold.value for fold in detached.folds)
         print(f"the quiet motion begins at omega = {first:.5f}")

@@ -52,7 +52,7 @@ def refined_fold(curve: ParameterCurve, before: Point, after: Point, index: int)
 def branch_point(curve: ParameterCurve, before: Point, after: Point, index: int) -> SpecialPoint:
     """Return the branch point that the continuation located on its way to ``after``."""
     assert after.branch_point is not None
-    point = after.branch_point.point
+    point = after.branch_point
     return SpecialPoint(
         kind=Kind.BRANCH_POINT,
         value=point.parameter,
@@ -62,7 +62,7 @@ def branch_point(curve: ParameterCurve, before: Point, after: Point, index: int)
         solution=make_solution(
             curve.problem, point.y[:-1], curve.values(point.y), statistics={"residual": point.residual}
         ),
-        null=after.branch_point.null[:-1].reshape(curve.problem.shape),
+        null=point.null[:-1].reshape(curve.problem.shape),
     )
 
 

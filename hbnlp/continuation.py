@@ -16,13 +16,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import brentq
 
+from hbnlp.branchpoints import Arc, BranchPoint, branch_point_on
 from hbnlp.fourier import Array
 from hbnlp.newton import Bordered, Curve, Newton, correct
 
 SUSPICIOUS_LENGTH = 2e-3
 """Steps longer than this are looked at for a pair of branch points within them."""
-SECANT = 1e-6
-"""Length of the secant in the search for a branch point."""
 MANY_ITERATIONS = 6
 """A corrector that takes more asks for a smaller step."""
 
@@ -82,14 +81,6 @@ class Point:
     def parameter(self) -> float:
         """Value of the continuation parameter."""
         return float(self.y[-1])
-
-
-@dataclass(frozen=True, kw_only=True)
-class BranchPoint:
-    """A point, located between two others, where another branch crosses; ``null`` spans the second direction."""
-
-    point: Point
-    null: Array
 
 
 class Stop(enum.Enum):
@@ -212,7 +203,7 @@ class Continuation:
                 if half_way is None or half_way.orientation != base.orientation:
                     return None, angle
         else:
-            branch_point = self._locate_branch_point(base, trial)
+            branch_point = self._branch_point(base, trial)
             if branch_point is None:
                 return None, angle
         arclength = base.arclength + length
@@ -241,30 +232,22 @@ class Continuation:
             factor = min(factor, 0.8)
         self.step = float(np.clip(self.step * np.clip(factor, 0.5, 1.4), self.options.min_step, self.options.max_step))
 
-    def _locate_branch_point(self, base: Point, trial: Point) -> BranchPoint | None:
+    def _branch_point(self, base: Point, trial: Point) -> BranchPoint | None:
         """Return where the orientation changes; None if it changes by a jump and not through a singular point."""
-
-        def test(point: Point) -> float:
-            return point.orientation * float(np.exp(point.log_determinant - base.log_determinant))
-
-        # at the singular point itself the corrector has nothing to hold on to: stop short of it and interpolate
-        located = locate(self, base, trial, test, tol=1e-5)
-        if located is None:
-            return None
-        # so near a branch point its tangent is hardly determined, at the ends of the step it is
-        middle = base.tangent + trial.tangent
-        located = dataclasses.replace(located, tangent=middle / np.linalg.norm(middle / located.scale))
-        return _at_branch_point(self.curve, located, 0.01 * float(np.linalg.norm((trial.y - base.y) / base.scale)))
+        ratio = float(np.exp(min(trial.log_determinant - base.log_determinant, 500.0)))
+        return branch_point_on(
+            self.curve,
+            Arc(base.y, trial.y, (base.tangent, trial.tangent), base.scale),
+            (base.orientation, trial.orientation * ratio),
+            tol=self.options.newton.tol,
+            max_iterations=self.options.newton.max_iterations,
+        )
 
 
-def locate(
-    stepper: Continuation, base: Point, end: Point, test: Callable[[Point], float], *, tol: float = 0.0
-) -> Point | None:
+def locate(stepper: Continuation, base: Point, end: Point, test: Callable[[Point], float]) -> Point | None:
     """Return the point between two others where ``test`` vanishes, by Brent's method along the tangent of ``base``.
 
-    The search ends when ``test`` is below ``tol`` times its smaller value at the ends; the two points next to the zero
-    are then interpolated; with ``tol`` zero the result is corrected as well. None is returned if a corrector fails, or
-    if the points do not close in on one another: a jump.
+    None is returned if a corrector fails, or if the points do not close in on one another: a jump.
     """
     row = base.tangent / base.scale**2
     length = float(row @ (end.y - base.y))
@@ -272,9 +255,6 @@ def locate(
         return None
     points = {0.0: base, length: end}
     found = {0.0: test(base), length: test(end)}
-    # a determinant changes by orders of magnitude within a step: its smaller value is the measure
-    smaller = min(abs(found[0.0]), abs(found[length]))
-    enough = tol * smaller
 
     def along(step: float) -> float:
         if step not in found:
@@ -282,13 +262,9 @@ def locate(
             guess = points[nearest].y + (step - nearest) * base.tangent
             point = finish(stepper.curve, guess, row, points[nearest], stepper.options.newton)
             if point is None:
-                # exactly at a branch point the matrix is singular, a little aside it is not
-                aside = guess + 1e-6 * length * base.tangent
-                point = finish(stepper.curve, aside, row, points[nearest], stepper.options.newton)
-            if point is None:
                 raise ArithmeticError
             points[step], found[step] = point, test(point)
-        return found[step] if abs(found[step]) > enough else 0.0
+        return found[step]
 
     try:
         root = brentq(along, 0.0, length, xtol=1e-12 * length, rtol=8.9e-16, maxiter=60)
@@ -297,14 +273,12 @@ def locate(
     signs = np.sign(found[0.0])
     left = max((s for s in found if s <= root and found[s] * signs > 0.0), default=0.0)
     right = min((s for s in found if s >= root and found[s] * signs <= 0.0), default=length)
-    if abs(found[root]) > max(enough, 1e-3 * smaller):
+    if abs(found[root]) > 1e-3 * min(abs(found[0.0]), abs(found[length])):
         return None
     if float(np.linalg.norm((points[right].y - points[left].y) / base.scale)) > 3.0 * (right - left) + 1e-6 * length:
         return None
     share = found[left] / (found[left] - found[right]) if found[left] != found[right] else 0.0
     guess = points[left].y + share * (points[right].y - points[left].y)
-    if tol > 0.0:
-        return dataclasses.replace(points[root], y=guess)
     return finish(stepper.curve, guess, row, points[root], stepper.options.newton)
 
 
@@ -360,47 +334,6 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
         factorisations=correction.factorisations + 1,
         factors=factors,
     )
-
-
-def _at_branch_point(curve: Curve, near: Point, reach: float) -> BranchPoint | None:
-    """Return the branch point next to a point on a curve, and its second null vector.
-
-    There A = [J; tangent] is singular. With its left and right null vectors w and v, by inverse iteration, w.A v
-    is zero at the branch point and regular along the curve: a secant step along the tangent finds its zero. Newton
-    steps without a part along v put the point back onto the curve. None is returned if it strays beyond ``reach``.
-    """
-    y, scale, row = near.y, near.scale, near.tangent / near.scale**2
-    right, left = scale.copy(), np.ones(y.size)
-    for _ in range(4):
-        factors = Bordered.at(curve, y, row)
-        if factors.singular:
-            matrix = np.zeros((y.size, y.size))
-            curve.jacobian(y, matrix[:-1])
-            matrix[-1] = row
-            right = np.linalg.svd(matrix * scale)[2][-1] * scale
-            break
-        for _ in range(2):
-            right = factors.solve(right / scale)
-            right /= np.linalg.norm(right / scale)
-            left = factors.solve_transposed(left)
-            left /= np.linalg.norm(left)
-        step = factors.solve(np.append(curve.residual(y), 0.0))
-        y = y - (step - right * float((right / scale) @ (step / scale)))
-        here, ahead = (_product(curve, y + d * near.tangent, row, left, right) for d in (0.0, SECANT))
-        shift = SECANT * here / (ahead - here) if here != ahead else 0.0
-        if abs(shift) > reach:
-            break
-        y = y - shift * near.tangent
-    if float(np.linalg.norm((y - near.y) / scale)) > 2.0 * reach:
-        return None
-    return BranchPoint(point=dataclasses.replace(near, y=y), null=right)
-
-
-def _product(curve: Curve, y: Array, row: Array, left: Array, right: Array) -> float:
-    """Return w.A v for A = [J; row] at y."""
-    jacobian = np.zeros((y.size - 1, y.size))
-    curve.jacobian(y, jacobian)
-    return float(left[:-1] @ (jacobian @ right) + left[-1] * (row @ right))
 
 
 def _bend(before: Point, after: Point) -> Array:
