@@ -1,0 +1,83 @@
+r"""
+The hysteresis map of the wing: its folds in frequency and amplitude
+====================================================================
+
+Every fold of the response of the paper's wing (Re = 100, :math:`c_{T0} = 1`) is followed in the pitching frequency
+and amplitude. The folds of a mode form a tongue that begins in a cusp: below its amplitude that mode's resonance is
+single-valued, within the tongue a resonant and a quiet motion exist. The tongues of the higher modes begin at smaller
+amplitudes, because the load of a pitching frame grows as :math:`\omega^2`.
+
+*What one trace does not reach.* At 2.5 degrees (dotted) a trace from low frequencies meets the folds of the first
+tongue alone. The map shows that the tongues of higher modes reach over that amplitude: their folds belong to detached
+branches, which :doc:`paper_all_solutions` finds by a search.
+
+*Unsafe to use* (shaded): the camber of the motion that is traced from low frequencies exceeds a tenth of the chord,
+where the quasi-linear membrane is no model any more. The band of the aerodynamic model, :math:`\omega` from 0.01 to
+1000, holds every harmonic drawn here.
+
+One harmonic throughout, 20 s; example :doc:`paper_figure_4_hysteresis` has five at 2.5 degrees: there the first
+tongue lies between 4.577 and 44 instead of 4.533 and 48.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib import pyplot as plt
+
+import hbnlp
+
+membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
+wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
+problem = hbnlp.HarmonicBalance(wing, n_harmonics=1)
+spans = {"first_span": (0.5, 150.0), "second_span": (np.radians(0.1), np.radians(12.0))}
+
+
+def on_a_curve(omega, amplitude, curves):
+    """Return whether a fold lies on one of the curves, to the width of their steps."""
+    for curve in curves:
+        steps = np.linspace(0.0, len(curve) - 1.0, 40 * len(curve))
+        first, second = (np.interp(steps, np.arange(len(curve)), np.log(a)) for a in (curve.first, curve.second))
+        if np.hypot(first - np.log(omega), second - np.log(amplitude)).min() < 5e-3:
+            return True
+    return False
+
+
+curves = []
+for degrees in (2.5, 1.0, 0.5):
+    amplitude = np.radians(degrees)
+    branch = hbnlp.trace(problem, "omega", (0.02, 100.0), at={"pitch_amplitude": amplitude}, stability=None)
+    for fold in branch.folds:
+        if not on_a_curve(fold.value, amplitude, curves):
+            curves.append(hbnlp.fold_curve(problem, fold, "omega", "pitch_amplitude", **spans))
+curves.sort(key=lambda curve: curve.cusps[0].first)
+for curve in curves:
+    cusp = curve.cusps[0]
+    print(f"cusp at omega = {cusp.first:.4f}, {np.degrees(cusp.second):.4f} degrees; {curve!r}")
+
+# the amplitudes from which on the motion traced from low frequencies has too much camber
+phase = np.linspace(0.0, 2.0 * np.pi, 64)
+amplitudes, unsafe = np.geomspace(0.1, 12.0, 14), []
+for degrees in amplitudes:
+    branch = hbnlp.trace(problem, "omega", (0.02, 150.0), at={"pitch_amplitude": np.radians(degrees)}, stability=None)
+    for i in range(len(branch)):
+        solution = branch.solution(i)
+        if membrane.camber(solution.displacement(phase / solution.omega)).max() > 0.1:
+            break
+    unsafe.append(branch.parameter[i])
+
+figure, plane = plt.subplots(figsize=(9, 5), layout="constrained")
+for number, curve in enumerate(curves):
+    colour = f"C{number}"
+    plane.plot(curve.first, np.degrees(curve.second), color=colour, label=f"tongue {number + 1}")
+    for cusp in curve.cusps:
+        plane.plot(cusp.first, np.degrees(cusp.second), "o", color=colour, markersize=4)
+plane.fill_betweenx(amplitudes, unsafe, 200.0, color="0.92", zorder=0, label="camber > 0.1 from below")
+plane.axhline(2.5, color="0.5", linewidth=0.6, linestyle=":")
+plane.set(xscale="log", yscale="log", xlim=(1.0, 150.0), ylim=(0.1, 12.0))
+plane.set(xlabel=r"$\omega$", ylabel=r"$\alpha_2$ (degrees)", title="folds, and the cusps where they begin")
+plane.legend(fontsize="small", loc="lower left")
+Path("figures").mkdir(exist_ok=True)
+figure.savefig("figures/paper_hysteresis_map.png", dpi=110)
+
+assert abs(curves[0].cusps[0].first - 2.53604) < 1e-4
+assert abs(np.degrees(curves[0].cusps[0].second) - 1.24810) < 1e-4
