@@ -1,0 +1,101 @@
+r"""
+Direct integration of the full nonlinear membrane, up and down
+==============================================================
+
+The paper's wing at 2.5 degrees with the exact arc of the membrane (`hbnlp.NonlinearMembrane`), integrated by the
+fourth-order Runge-Kutta scheme, the frequency changed in steps and the state carried over: up along the resonant
+motion, down along the quiet one, which falls onto the resonant motion below the fold. The first harmonic of the lift
+is laid over the branches of harmonic balance with nine harmonics, with the quasi-linear membrane and with the full
+one.
+
+*What differs.* From the state that harmonic balance gives, the full membrane's lift stays within 0.02 per cent of it.
+With the state carried over from another frequency, up to 0.7 per cent is left after forty periods, near the fold
+more: at this Reynolds number the wake forgets slowly (and integration has no way to know). The quasi-linear membrane,
+its tension cut after the square of the slope, is 1.3 per cent off at :math:`\omega = 4.2` and 1.8 at 5.0, while the
+full one has 0.1 and 0.04: it is that truncation, not the one of the harmonics, that makes the difference, and it
+grows with the camber.
+
+*What it costs.* A point integrated costs some hundred times as much as one traced (the ratio is printed): the steps
+must resolve the fastest lag state, the periods the slowest decay. And integration shows no unstable motion.
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from matplotlib import pyplot as plt
+
+import hbnlp
+
+properties = {"mass_ratio": 0.5, "stiffness": 250.0, "prestrain": 0.002, "n_modes": 10}
+rom = hbnlp.aero.flat_plate_re100(n_modes=10)
+nonlinear = hbnlp.membrane_wing(hbnlp.NonlinearMembrane(**properties), rom)
+quasi_linear = hbnlp.membrane_wing(hbnlp.QuasiLinearMembrane(**properties), rom)
+pitch = {"pitch_amplitude": np.radians(2.5)}
+
+
+def nearest(branch, omega, lift):
+    """Return the first harmonic of lift of a branch at a frequency, that of its crossings next to a value."""
+    level, parameter = abs(branch.harmonics("C_L")[:, 1]), branch.parameter
+    places = np.flatnonzero((parameter[:-1] - omega) * (parameter[1:] - omega) <= 0.0)
+    i = places[np.argmin(abs(level[places] - lift))]
+    solution = hbnlp.solve(branch.problem, at={**pitch, "omega": omega}, guess=branch.solution(int(i)))
+    return abs(solution.harmonics("C_L")[1])
+
+
+begun, branches = time.process_time(), []
+for wing in (quasi_linear, nonlinear):
+    problem = hbnlp.HarmonicBalance(wing, n_harmonics=9)
+    branches.append(hbnlp.trace(problem, "omega", (0.8, 5.8), at=pitch, stability=None))
+    quiet = hbnlp.solve(problem, at={**pitch, "omega": 5.6})
+    branches.append(hbnlp.trace(problem, "omega", (4.0, 5.8), start=quiet, direction=-1, stability=None))
+balanced = time.process_time() - begun
+
+begun = time.process_time()
+march = {"at": pitch, "max_periods": 40, "periodic_tol": 1e-5, "find_jumps": False}
+resonant = branches[2].solution(0)
+up = hbnlp.sweep(nonlinear, "omega", [1.0, 1.8, 3.3, 4.2, 5.0], initial=resonant, **march)
+down = hbnlp.sweep(nonlinear, "omega", [5.6, 5.0, 4.5, 4.2], initial=quiet, **march)
+integrated = time.process_time() - begun
+
+print(" march   omega    integrated  full, H = 9  quasi-linear, H = 9")
+figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
+for name, result, marker in (("up", up, "^"), ("down", down, "v")):
+    lifts = abs(result.amplitudes[:, result.output_names.index("C_L"), 1])
+    found = []
+    for omega, lift in zip(result.parameter, lifts, strict=True):
+        for pair in (branches[2:], branches[:2]):
+            values = [nearest(b, omega, lift) for b in pair if b.parameter.min() <= omega]
+            found.append(min(values, key=lambda value: abs(value - lift)))
+        print(f"{name:>6} {omega:7.2f} {lift:13.5f} {found[-2]:12.5f} {found[-1]:12.5f}")
+    errors = abs(np.reshape(found, (-1, 2)) / lifts[:, None] - 1.0)
+    left.plot(result.parameter, lifts, "k" + marker, label=f"full membrane, Runge-Kutta, {name}")
+    for k, label in enumerate(("full membrane, H = 9", "quasi-linear, H = 9")):
+        right.semilogy(result.parameter, errors[:, k], marker, color=f"C{1 - k}", label=f"{label}, {name}")
+    if name == "up":
+        assert np.all(errors[:, 0] < 0.01)
+        assert errors[-1, 1] > 5.0 * errors[-1, 0]
+    else:
+        assert lifts[-1] > 5.0 * lifts[0]
+at = {**pitch, "omega": 1.8}
+full = hbnlp.solve(branches[2].problem, at=at)
+settled = hbnlp.integrate(nonlinear, at=at, initial=full, periodic_tol=1e-4)
+difference = abs(settled.harmonics("C_L")[1] / full.harmonics("C_L")[1] - 1.0)
+print(f"omega = 1.8 from the state of harmonic balance: {difference:.1e} apart")
+assert difference < 2e-4
+
+n_integrated, points = len(up) + len(down), sum(len(b) for b in branches)
+print(f"CPU: {integrated:.1f} s for {n_integrated} frequencies integrated, {balanced:.1f} s for {points} points")
+print(f"a point costs {integrated / n_integrated / (balanced / points):.0f} times as much integrated")
+
+for branch, colour, name in zip(branches, ("C0", "C0", "C1", "C1"), ("quasi-linear", None, "full", None), strict=True):
+    label = name and f"{name} membrane, H = 9"
+    left.plot(branch.parameter, abs(branch.harmonics("C_L")[:, 1]), color=colour, linewidth=1.0, label=label)
+left.set(
+    xlabel=r"$\omega$", ylabel="$|C_L|$ (first harmonic)", title="2.5 degrees: resonant, unstable and quiet motion"
+)
+left.legend(frameon=False, fontsize="small")
+right.set(xlabel=r"$\omega$", title="difference from Runge-Kutta, relative")
+right.legend(frameon=False, fontsize="small")
+Path("figures").mkdir(exist_ok=True)
+figure.savefig("figures/paper_direct_integration.png", dpi=110)
