@@ -38,6 +38,7 @@ from hbnlp.timeresponse import TimeResponse
 from hbnlp.timesweep import TimeSweep
 from hbnlp.trace import trace
 from hbnlp.tracer import Tracer
+from hbnlp.truncation import ResolvedBranch, resolve_harmonics, truncation_error
 from hbnlp.wing import membrane_wing
 
 __version__ = version("hbnlp")
@@ -66,6 +67,7 @@ __all__ = [
     "ProgressBar",
     "PseudoArclength",
     "QuasiLinearMembrane",
+    "ResolvedBranch",
     "Rootfinder",
     "RungeKutta4",
     "SaveError",
@@ -90,10 +92,12 @@ __all__ = [
     "locate_peak",
     "membrane_wing",
     "peaks",
+    "resolve_harmonics",
     "solve",
     "stability_limits",
     "sweep",
     "switch_branch",
     "systems",
     "trace",
+    "truncation_error",
 ]

@@ -1,0 +1,101 @@
+"""The estimated error of truncation against the true one, and the choice of the number of harmonics."""
+
+import numpy as np
+import pytest
+
+import hbnlp
+from hbnlp.curves import ParameterCurve
+from hbnlp.newton import Newton, correct
+
+
+@pytest.fixture(scope="module")
+def duffing():
+    return hbnlp.systems.duffing(damping_ratio=0.05, cubic=1.0, force=0.5)
+
+
+@pytest.fixture(scope="module")
+def branch(duffing):
+    return hbnlp.trace(hbnlp.HarmonicBalance(duffing, n_harmonics=5), "omega", (0.15, 3.0), stability=None)
+
+
+@pytest.fixture(scope="module")
+def wing():
+    membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=4)
+    return hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=4))
+
+
+def solution_and_true_error(system, at, n_harmonics, enough):
+    """Begin with the better solution: where a harmonic resonates, the poorer one does not lead there."""
+    exact = hbnlp.solve(hbnlp.HarmonicBalance(system, n_harmonics=enough), at=at).coefficients
+    problem = hbnlp.HarmonicBalance(system, n_harmonics=n_harmonics)
+    solution = hbnlp.solve(problem, at=at, guess=exact[:, : problem.shape[1]])
+    mine = np.zeros_like(exact)
+    mine[:, : problem.shape[1]] = solution.coefficients
+    return solution, np.linalg.norm(mine - exact) / np.linalg.norm(solution.coefficients)
+
+
+@pytest.mark.parametrize("omega", [0.4, 0.6, 0.9, 1.3, 2.6])
+@pytest.mark.parametrize("n_harmonics", [1, 2, 3, 5, 7])
+def test_the_estimate_is_the_true_error_of_a_duffing_oscillator(duffing, omega, n_harmonics):
+    solution, true = solution_and_true_error(duffing, {"omega": omega}, n_harmonics, 25)
+    assert hbnlp.truncation_error(solution) == pytest.approx(true, rel=0.35)
+
+
+@pytest.mark.parametrize("omega", [0.5, 1.5, 3.0, 6.0])
+@pytest.mark.parametrize("n_harmonics", [1, 3, 5])
+def test_the_estimate_is_the_true_error_of_a_wing(wing, omega, n_harmonics):
+    at = {"omega": omega, "pitch_amplitude": np.radians(2.5)}
+    solution, true = solution_and_true_error(wing, at, n_harmonics, 17)
+    estimate = hbnlp.truncation_error(solution)
+    if true < 0.1:
+        assert estimate == pytest.approx(true, rel=0.35)
+    else:  # one Newton step tells a large error from a small one, not how large it is
+        assert estimate > 0.1
+
+
+def test_a_linear_system_needs_one_harmonic():
+    system = hbnlp.systems.duffing(damping_ratio=0.05, cubic=0.0, force=0.5)
+    solution = hbnlp.solve(hbnlp.HarmonicBalance(system, n_harmonics=1), at={"omega": 0.9})
+    assert hbnlp.truncation_error(solution) < 1e-14
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_every_point_meets_the_tolerance_normal_to_the_branch_also_at_folds(duffing, branch, tolerance):
+    resolved = hbnlp.resolve_harmonics(branch, tolerance, at_most=25)
+    assert resolved.reached.all()
+    reference = hbnlp.HarmonicBalance(duffing, n_harmonics=35)
+    assert len(set(resolved.n_harmonics)) > 2
+    for i in range(0, len(resolved), 5):
+        solution = resolved.solutions[i]
+        ends = [branch.coefficients[k].ravel() for k in (max(i - 1, 0), min(i + 1, len(branch) - 1))]
+        change = branch.parameter[min(i + 1, len(branch) - 1)] - branch.parameter[max(i - 1, 0)]
+        curve = ParameterCurve(reference, reference.values(solution.parameters), "omega", 0.03)
+        guess = np.append(reference.vector(solution.coefficients), solution.omega)
+        tangent = np.append(reference.vector((ends[1] - ends[0]).reshape(branch.coefficients[0].shape)), change)
+        row = tangent / curve.scale(guess) ** 2
+        exact = correct(curve, guess, row / np.linalg.norm(row), Newton())
+        assert exact.converged
+        error = np.linalg.norm(exact.y[:-1] - guess[:-1]) / np.linalg.norm(guess[:-1])
+        assert error < 1.5 * tolerance
+
+
+def test_too_few_harmonics_are_said_not_hidden(branch):
+    resolved = hbnlp.resolve_harmonics(branch, 1e-6, at_most=3)
+    assert not resolved.reached.all()
+    assert resolved.n_harmonics.max() == 3
+    assert "not reached at" in repr(resolved)
+
+
+def test_bad_input(branch, tmp_path):
+    with pytest.raises(ValueError, match="tolerance"):
+        hbnlp.resolve_harmonics(branch, 0.0)
+    with pytest.raises(ValueError, match="below 1"):
+        hbnlp.resolve_harmonics(branch, 2.0)
+    with pytest.raises(ValueError, match="at_most"):
+        hbnlp.resolve_harmonics(branch, 1e-3, least=5, at_most=3)
+    branch.save(tmp_path / "branch.npz")
+    loaded = hbnlp.load_branch(tmp_path / "branch.npz")
+    with pytest.raises(ValueError, match="from a file"):
+        hbnlp.resolve_harmonics(loaded, 1e-3)
+    with pytest.raises(ValueError, match="from a file"):
+        hbnlp.truncation_error(loaded.solution(0))
