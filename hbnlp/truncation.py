@@ -72,8 +72,8 @@ def truncation_error(solution: Solution) -> float:
     """Return the estimated error of a solution for want of harmonics, at fixed parameters, relative to its size.
 
     Measured on Duffing oscillators and wings it is the true error to a third where that is below 0.1; larger ones are
-    told to be large. It grows without bound towards a fold, where the solution at a fixed parameter does so, too; along a branch
-    `resolve_harmonics` measures normal to the branch instead.
+    told to be large. It grows without bound towards a fold, where the solution at a fixed parameter does so, too; along
+    a branch `resolve_harmonics` measures normal to the branch instead.
 
     Raises
     ------
