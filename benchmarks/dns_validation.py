@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,12 @@ from hbnlp import dns
 DATA = Path(__file__).parent.parent / "docs" / "data" / "dns"
 # nine, eleven and thirty-three times the base give about 1, 3 and 10
 BASE, MULTIPLES = 0.3, np.array([1, 3, 10, 33])
+# omega from 0.25 to 30, dense enough for a rational fit, with 2 and its harmonics among them
+BAND_BASE = 0.25
+BAND_MULTIPLES = np.array([1, 2, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 56, 64, 80, 100, 120])
+N_MODES = 10
+# the fine grid is spared the modes beyond the sixth, whose amplitudes are a thousandth of the first one's
+BAND_CHANNELS = {25: ("pitch", *range(1, N_MODES + 1)), 50: ("pitch", *range(1, 7))}
 Result = dict[str, object]
 
 
@@ -114,20 +121,41 @@ def plate(cells: int, levels: int, until: float = 60.0) -> Result:
     }
 
 
-def response(channel: str | int, cells: int, levels: int = 6, dt_factor: float = 0.4) -> Result:
-    """One column of the linear response by small motions about the steady flow at zero incidence."""
-    grid = dns.Grid.around_plate(cells=cells, levels=levels)
-    steady = dns.Simulation(grid, dns.SharpPlate(), dt=0.4 / cells)
+def _steady(cells: int, levels: int) -> dns.Simulation:
+    """Rigid plate at zero incidence after 25 c/U, kept between the cases."""
+    flow = dns.Simulation(dns.Grid.around_plate(cells=cells, levels=levels), dns.SharpPlate(), dt=0.4 / cells)
     kept = Path(tempfile.gettempdir()) / f"hbnlp_steady_{cells}_{levels}.npz"
     if kept.exists():
-        dns.load_state(steady, kept)
+        dns.load_state(flow, kept)
     else:
-        _run(steady, 25.0, f"steady {cells}")
-        dns.save_state(steady, kept)
-    seconds = 3.0 * math.pi / BASE + steady.time
+        _run(flow, 25.0, f"steady {cells}")
+        dns.save_state(flow, kept)
+    return flow
+
+
+def response(
+    channel: str | int,
+    cells: int,
+    levels: int = 6,
+    dt_factor: float = 0.4,
+    *,
+    base: float = BASE,
+    multiples: np.ndarray = MULTIPLES,
+    n_modes: int = 6,
+) -> Result:
+    """One column of the linear response by small motions about the steady flow at zero incidence."""
+    steady = _steady(cells, levels)
+    seconds = 3.0 * math.pi / base + steady.time
     with dns.ProgressBar(seconds, label=f"response {channel} {cells}") as bar:
         column = dns.linear_response(
-            grid, channel, MULTIPLES, base=BASE, steady=steady.state(), dt=dt_factor / cells, n_modes=6, callback=bar
+            steady.grid,
+            channel,
+            multiples,
+            base=base,
+            steady=steady.state(),
+            dt=dt_factor / cells,
+            n_modes=n_modes,
+            callback=bar,
         )
     return {
         **_settings(steady),
@@ -142,7 +170,7 @@ def response(channel: str | int, cells: int, levels: int = 6, dt_factor: float =
 
 def coupled(degrees: float, cells: int, dt_factor: float = 0.4, omega: float = 2.0, periods: int = 8) -> Result:
     """Membrane of the paper's case (mu = 0.5, Eh = 250, delta0 = 0.002), pitching about the leading edge."""
-    n_modes = 10
+    n_modes = N_MODES
     law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=n_modes)
     per_period = math.ceil(2.0 * math.pi / omega * cells / dt_factor)
     dt = 2.0 * math.pi / omega / per_period
@@ -167,6 +195,98 @@ def coupled(degrees: float, cells: int, dt_factor: float = 0.4, omega: float = 2
     }
 
 
+@dataclass(frozen=True)
+class Chirp:
+    """Pitch amplitude sin(phase), the frequency held for some periods, then passing smoothly to the next.
+
+    Parameters
+    ----------
+    amplitude : float
+        Pitch amplitude, rad.
+    omegas, periods : tuple
+        Frequencies in turn, and how many periods each is held.
+    passage : float
+        Duration of the passage to the next one.
+    """
+
+    amplitude: float
+    omegas: tuple[float, ...]
+    periods: tuple[int, ...]
+    passage: float = 4.0
+
+    def ends(self) -> np.ndarray:
+        """Times at which the holds end."""
+        holds = 2.0 * math.pi * np.array(self.periods) / np.array(self.omegas)
+        return np.cumsum(holds) + self.passage * np.arange(holds.size)
+
+    def phase(self, time: np.ndarray) -> np.ndarray:
+        """Phase, its rate and the rate of that, each of the shape of time, in rows."""
+        rows = np.zeros((3, *np.shape(time)))
+        rows[0], rows[1] = self.omegas[0] * np.asarray(time), self.omegas[0]
+        for end, before, after in zip(self.ends(), self.omegas, self.omegas[1:], strict=False):
+            r = np.clip((time - end) / self.passage, 0.0, 1.0)
+            step = after - before
+            rows[0] += step * (
+                self.passage * r**4 * (2.5 - 3.0 * r + r**2) + np.maximum(time - end - self.passage, 0.0)
+            )
+            rows[1] += step * r**3 * (10.0 - 15.0 * r + 6.0 * r**2)
+            rows[2] += step * 30.0 * r**2 * (1.0 - r) ** 2 / self.passage
+        return rows
+
+    def __call__(self, time: float) -> tuple[float, float, float]:
+        """Pitch, rate and acceleration."""
+        phase, rate, change = (float(row) for row in self.phase(np.asarray(time)))
+        s, c = self.amplitude * math.sin(phase), self.amplitude * math.cos(phase)
+        return s, rate * c, change * c - rate**2 * s
+
+
+def march(chirp: Chirp, cells: int, dt_factor: float = 0.25) -> Result:
+    """The membrane of `coupled`, the frequency going through a list with the state carried over.
+
+    A run that the flow solver refuses to continue keeps the frequencies finished so far and the reason.
+    """
+    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=N_MODES)
+    flow = dns.Simulation(
+        dns.Grid.around_plate(cells=cells, levels=6),
+        dns.Membrane(mass_ratio=0.5, law=law, n_modes=N_MODES),
+        dt=dt_factor / cells,
+        motion=dns.Motion(pitch=chirp),
+    )
+    label, ended = f"membrane from omega {chirp.omegas[0]:g} to {chirp.omegas[-1]:g}, {cells}", "as planned"
+    x = np.sin(np.pi * np.outer(np.linspace(0.0, 1.0, 101), np.arange(1, N_MODES + 1)))
+    holds: list[Result] = []
+    for omega, end in zip(chirp.omegas, chirp.ends(), strict=True):
+        begun = time.process_time()
+        try:
+            history = _run(flow, float(end), label)
+        except dns.FlowError as error:
+            ended = str(error)
+            break
+        load_phase, phase = chirp.phase(history.load_time)[0], chirp.phase(history.time)[0]
+        final = load_phase[-1]
+        lifts = []
+        for back in (0, 1):
+            rows = (load_phase > final - 2.0 * math.pi * (back + 1)) & (load_phase <= final - 2.0 * math.pi * back)
+            lifts.append(dns.harmonics(load_phase[rows], history.lift[rows], np.arange(1.0, 8.0)))
+        last = phase > phase[-1] - 2.0 * math.pi
+        modes = dns.harmonics(phase[last], history.deflection[last], np.arange(1.0, 8.0))
+        holds.append(
+            {
+                "omega": omega,
+                "lift": [[z.real, z.imag] for z in lifts[0]],
+                "lift_per_acceleration": abs(lifts[0][0]) / (chirp.amplitude * omega**2),
+                "change_over_last_period": abs(lifts[0][0] - lifts[1][0]) / abs(lifts[0][0]),
+                "W": [[z.real, z.imag] for z in modes[0]],
+                "camber": float(np.abs(history.deflection[last] @ x.T).max()),
+                "max_strain": max(law.strain(row) for row in history.deflection[last]),
+                "cpu_seconds": round(time.process_time() - begun, 1),
+            }
+        )
+    return {**_settings(flow), "degrees": math.degrees(chirp.amplitude), "holds": holds, "ended": ended}
+
+
+UP = Chirp(math.radians(2.5), (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (3, 4, 5, 6, 7, 8))
+DOWN = Chirp(math.radians(2.5), (8.0, 6.0, 5.0, 4.0), (10, 8, 8, 8))
 CASES: dict[str, Callable[[], Result]] = {
     "cylinder_40": partial(cylinder, 40.0, 0.02, 45.0),
     "cylinder_100": partial(cylinder, 100.0, 0.02, 85.0),
@@ -176,8 +296,15 @@ CASES: dict[str, Callable[[], Result]] = {
     **{
         f"response_{channel}_{n}": partial(response, channel, n) for n in (25, 50, 75) for channel in ("pitch", 1, 2, 3)
     },
+    **{
+        f"band_{channel}_{n}": partial(response, channel, n, base=BAND_BASE, multiples=BAND_MULTIPLES, n_modes=N_MODES)
+        for n, channels in BAND_CHANNELS.items()
+        for channel in channels
+    },
     **{f"coupled_{d}_{n}": partial(coupled, d, n) for n in (25, 50) for d in (0.25, 2.5)},
-    **{f"coupled_{d}_50_half_dt": partial(coupled, d, 50, 0.2) for d in (0.25, 2.5)},
+    **{f"march_{way}_{n}": partial(march, chirp, n) for n in (25, 50) for way, chirp in (("up", UP), ("down", DOWN))},
+    **{f"march_{way}_25_half_dt": partial(march, chirp, 25, 0.125) for way, chirp in (("up", UP), ("down", DOWN))},
+    **{f"coupled_{d}_{n}_half_dt": partial(coupled, d, n, 0.2) for n in (25, 50) for d in (0.25, 2.5)},
 }
 
 
