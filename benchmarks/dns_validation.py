@@ -24,6 +24,7 @@ import numpy as np
 import scipy
 
 from hbnlp import dns
+from hbnlp.aero import flat_plate_re100
 
 DATA = Path(__file__).parent.parent / "docs" / "data" / "dns"
 # nine, eleven and thirty-three times the base give about 1, 3 and 10
@@ -285,8 +286,8 @@ def march(chirp: Chirp, cells: int, dt_factor: float = 0.25) -> Result:
     return {**_settings(flow), "degrees": math.degrees(chirp.amplitude), "holds": holds, "ended": ended}
 
 
-UP = Chirp(math.radians(2.5), (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (3, 4, 5, 6, 7, 8))
-DOWN = Chirp(math.radians(2.5), (8.0, 6.0, 5.0, 4.0), (10, 8, 8, 8))
+UP = Chirp(math.radians(2.5), (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (3, 4, 12, 12, 8, 8))
+DOWN = Chirp(math.radians(2.5), (8.0, 6.0, 5.0, 4.0), (20, 14, 10, 14))
 CASES: dict[str, Callable[[], Result]] = {
     "cylinder_40": partial(cylinder, 40.0, 0.02, 45.0),
     "cylinder_100": partial(cylinder, 100.0, 0.02, 85.0),
@@ -345,6 +346,11 @@ def _complex(pair: list[float]) -> complex:
     return complex(pair[0], pair[1])
 
 
+def _complexes(pairs: Any) -> np.ndarray:
+    array = np.asarray(pairs, dtype=float)
+    return array[..., 0] + 1j * array[..., 1]
+
+
 def _cylinder_rows() -> list[Row]:
     rows = [["Re", "quantity", "computed", "published"]]
     for data in sorted(_load("cylinder").values(), key=lambda item: float(item["reynolds"])):
@@ -362,28 +368,45 @@ def _plate_rows() -> list[Row]:
     return rows
 
 
+def _column(data: dict[str, Any]) -> np.ndarray:
+    """Loads [C_L, dCp_1, ...] per unit of the input, a frequency a row."""
+    return np.column_stack([_complexes(data["lift"]), _complexes(data["dCp"])])
+
+
+def _distance(values: np.ndarray, reference: np.ndarray) -> str:
+    return f"{100.0 * np.linalg.norm(values - reference) / np.linalg.norm(reference):.1f}"
+
+
 def _response_rows() -> list[Row]:
-    """Every grid, then the extrapolation from the two finest, an input and frequency a row."""
+    """Every grid, the extrapolation from the two finest and the finite elements, an input and frequency at a time."""
     found: dict[str, dict[float, dict[str, Any]]] = {}
     for data in _load("response").values():
         found.setdefault(str(data["channel"]), {})[data["h"]] = data
-    rows = [["input", "omega", "h", "C_L", "dCp_1", "dCp_2", "dCp_3"]]
+    elements = flat_plate_re100(full=True)
+    rows = [["input", "omega", "h", "C_L", "dCp_1", "dCp_2", "dCp_3", "difference %", "up to dCp_6 %", "order"]]
     for channel, grids in sorted(found.items()):
-        columns = {
-            h: np.array(
-                [[_complex(z) for z in [lift, *row[:3]]] for lift, row in zip(d["lift"], d["dCp"], strict=True)]
-            )
-            for h, d in grids.items()
-        }
+        omegas = np.array(next(iter(grids.values()))["omega"])
+        index = 0 if channel == "pitch" else int(channel) + 1
+        columns = {h: _column(d) for h, d in grids.items()}
+        reference = elements.transfer(1j * omegas)[:, : next(iter(columns.values())).shape[1], index]
         spacings = sorted(columns)
-        entries: list[tuple[str, np.ndarray]] = [(f"{h:.4f}", columns[h]) for h in reversed(spacings)]
+        entries = [(f"{h:.4f}", columns[h]) for h in reversed(spacings)]
+        orders = [""] * omegas.size
         if len(spacings) > 1:
             fine, coarse = spacings[:2]
             weight = fine / (coarse - fine)
             entries.append(("extrapolated", columns[fine] + weight * (columns[fine] - columns[coarse])))
+            errors = [np.linalg.norm((columns[h] - reference)[:, :4], axis=1) for h in (fine, coarse)]
+            orders = [f"{order:.2f}" for order in np.log(errors[1] / errors[0]) / math.log(coarse / fine)]
         label = channel if channel == "pitch" else f"W_{channel}"
-        for i, omega in enumerate(next(iter(grids.values()))["omega"]):
-            rows += [[label, f"{omega:.3g}", name, *(f"{z:.3f}" for z in values[i])] for name, values in entries]
+        for i, omega in enumerate(omegas):
+            for name, values in entries:
+                loads = [f"{z:.3f}" for z in values[i, :4]]
+                errors_here = [_distance(values[i, :n], reference[i, :n]) for n in (4, 7)]
+                order = orders[i] if name == f"{spacings[0]:.4f}" else ""
+                rows.append([label, f"{omega:.3g}", name, *loads, *errors_here, order])
+            finite = [f"{z:.3f}" for z in reference[i, :4]]
+            rows.append([label, f"{omega:.3g}", "finite elements", *finite, "", "", ""])
     return rows
 
 
