@@ -23,7 +23,7 @@ import hbnlp
 
 DATA = Path(__file__).parent.parent / "docs" / "data" / "dns"
 N_MODES, HARMONICS = 10, 7
-UP, LOWER = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (8.0, 6.0, 5.0)
+UP, LOWER = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (8.0, 6.0, 5.6, 5.3, 5.0, 4.7)
 # where the branch from high frequency ends: harmonic balance finds it at 5 and not at 4
 FOLD = 4.5
 SHIPPED = hbnlp.aero.flat_plate_re100(n_modes=N_MODES)
@@ -88,7 +88,7 @@ def solved(wing: hbnlp.System) -> Model:
     at = {"omega": 2.0, "pitch_amplitude": math.radians(0.25)}
     upper[0.25, 2.0] = complex(hbnlp.solve(problem, at=at).harmonics("C_L")[1])
     at = {"pitch_amplitude": math.radians(2.5)}
-    for side, span, omegas in ((upper, (0.9, 6.2), UP), (lower, (8.5, 4.9), LOWER)):
+    for side, span, omegas in ((upper, (0.9, 6.2), UP), (lower, (8.5, 4.0), LOWER)):
         branch = hbnlp.trace(problem, "omega", span, at=at, stability=None)
         for omega in omegas:
             # the first passage: the branch may fold further on

@@ -287,11 +287,11 @@ def march(chirp: Chirp, cells: int, dt_factor: float = 0.25) -> Result:
 
 
 UP = Chirp(math.radians(2.5), (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (3, 4, 12, 12, 8, 8))
-DOWN = Chirp(math.radians(2.5), (8.0, 6.0, 5.0, 4.0), (20, 14, 10, 14))
+DOWN = Chirp(math.radians(2.5), (8.0, 6.0, 5.6, 5.3, 5.0, 4.7, 4.0), (10, 8, 14, 12, 10, 12, 14))
 CASES: dict[str, Callable[[], Result]] = {
     "cylinder_40": partial(cylinder, 40.0, 0.02, 45.0),
     "cylinder_100": partial(cylinder, 100.0, 0.02, 85.0),
-    "cylinder_200": partial(cylinder, 200.0, 0.02, 60.0),
+    "cylinder_200": partial(cylinder, 200.0, 0.02, 100.0),
     **{f"plate_{n}": partial(plate, n, 6) for n in (25, 50, 75)},
     **{f"plate_25_levels_{n}": partial(plate, 25, n) for n in (4, 5, 7)},
     **{
@@ -443,10 +443,12 @@ def _coupled_rows() -> list[Row]:
     return rows
 
 
+TABLES = {"cylinder": _cylinder_rows, "plate": _plate_rows, "response": _response_rows, "coupled": _coupled_rows}
+
+
 def tables() -> None:
     """Write the tables of docs/dns.md from the result files."""
-    makers = {"cylinder": _cylinder_rows, "plate": _plate_rows, "response": _response_rows, "coupled": _coupled_rows}
-    for name, rows in makers.items():
+    for name, rows in TABLES.items():
         with (DATA / f"{name}.csv").open("w", newline="") as stream:
             csv.writer(stream, lineterminator="\n").writerows(rows())
 
