@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,17 @@ import numpy as np
 import scipy
 
 from hbnlp import dns
+from hbnlp.aero import flat_plate_re100
 
 DATA = Path(__file__).parent.parent / "docs" / "data" / "dns"
 # nine, eleven and thirty-three times the base give about 1, 3 and 10
 BASE, MULTIPLES = 0.3, np.array([1, 3, 10, 33])
+# omega from 0.25 to 30, dense enough for a rational fit, with 2 and its harmonics among them
+BAND_BASE = 0.25
+BAND_MULTIPLES = np.array([1, 2, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 56, 64, 80, 100, 120])
+N_MODES = 10
+# the fine grid is spared the modes beyond the sixth, whose amplitudes are a thousandth of the first one's
+BAND_CHANNELS = {25: ("pitch", *range(1, N_MODES + 1)), 50: ("pitch", *range(1, 7))}
 Result = dict[str, object]
 
 
@@ -114,20 +122,41 @@ def plate(cells: int, levels: int, until: float = 60.0) -> Result:
     }
 
 
-def response(channel: str | int, cells: int, levels: int = 6, dt_factor: float = 0.4) -> Result:
-    """One column of the linear response by small motions about the steady flow at zero incidence."""
-    grid = dns.Grid.around_plate(cells=cells, levels=levels)
-    steady = dns.Simulation(grid, dns.SharpPlate(), dt=0.4 / cells)
+def _steady(cells: int, levels: int) -> dns.Simulation:
+    """Rigid plate at zero incidence after 25 c/U, kept between the cases."""
+    flow = dns.Simulation(dns.Grid.around_plate(cells=cells, levels=levels), dns.SharpPlate(), dt=0.4 / cells)
     kept = Path(tempfile.gettempdir()) / f"hbnlp_steady_{cells}_{levels}.npz"
     if kept.exists():
-        dns.load_state(steady, kept)
+        dns.load_state(flow, kept)
     else:
-        _run(steady, 25.0, f"steady {cells}")
-        dns.save_state(steady, kept)
-    seconds = 3.0 * math.pi / BASE + steady.time
+        _run(flow, 25.0, f"steady {cells}")
+        dns.save_state(flow, kept)
+    return flow
+
+
+def response(
+    channel: str | int,
+    cells: int,
+    levels: int = 6,
+    dt_factor: float = 0.4,
+    *,
+    base: float = BASE,
+    multiples: np.ndarray = MULTIPLES,
+    n_modes: int = 6,
+) -> Result:
+    """One column of the linear response by small motions about the steady flow at zero incidence."""
+    steady = _steady(cells, levels)
+    seconds = 3.0 * math.pi / base + steady.time
     with dns.ProgressBar(seconds, label=f"response {channel} {cells}") as bar:
         column = dns.linear_response(
-            grid, channel, MULTIPLES, base=BASE, steady=steady.state(), dt=dt_factor / cells, n_modes=6, callback=bar
+            steady.grid,
+            channel,
+            multiples,
+            base=base,
+            steady=steady.state(),
+            dt=dt_factor / cells,
+            n_modes=n_modes,
+            callback=bar,
         )
     return {
         **_settings(steady),
@@ -142,7 +171,7 @@ def response(channel: str | int, cells: int, levels: int = 6, dt_factor: float =
 
 def coupled(degrees: float, cells: int, dt_factor: float = 0.4, omega: float = 2.0, periods: int = 8) -> Result:
     """Membrane of the paper's case (mu = 0.5, Eh = 250, delta0 = 0.002), pitching about the leading edge."""
-    n_modes = 10
+    n_modes = N_MODES
     law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=n_modes)
     per_period = math.ceil(2.0 * math.pi / omega * cells / dt_factor)
     dt = 2.0 * math.pi / omega / per_period
@@ -167,17 +196,116 @@ def coupled(degrees: float, cells: int, dt_factor: float = 0.4, omega: float = 2
     }
 
 
+@dataclass(frozen=True)
+class Chirp:
+    """Pitch amplitude sin(phase), the frequency held for some periods, then passing smoothly to the next.
+
+    Parameters
+    ----------
+    amplitude : float
+        Pitch amplitude, rad.
+    omegas, periods : tuple
+        Frequencies in turn, and how many periods each is held.
+    passage : float
+        Duration of the passage to the next one.
+    """
+
+    amplitude: float
+    omegas: tuple[float, ...]
+    periods: tuple[int, ...]
+    passage: float = 4.0
+
+    def ends(self) -> np.ndarray:
+        """Times at which the holds end."""
+        holds = 2.0 * math.pi * np.array(self.periods) / np.array(self.omegas)
+        return np.cumsum(holds) + self.passage * np.arange(holds.size)
+
+    def phase(self, time: np.ndarray) -> np.ndarray:
+        """Phase, its rate and the rate of that, each of the shape of time, in rows."""
+        rows = np.zeros((3, *np.shape(time)))
+        rows[0], rows[1] = self.omegas[0] * np.asarray(time), self.omegas[0]
+        for end, before, after in zip(self.ends(), self.omegas, self.omegas[1:], strict=False):
+            r = np.clip((time - end) / self.passage, 0.0, 1.0)
+            step = after - before
+            rows[0] += step * (
+                self.passage * r**4 * (2.5 - 3.0 * r + r**2) + np.maximum(time - end - self.passage, 0.0)
+            )
+            rows[1] += step * r**3 * (10.0 - 15.0 * r + 6.0 * r**2)
+            rows[2] += step * 30.0 * r**2 * (1.0 - r) ** 2 / self.passage
+        return rows
+
+    def __call__(self, time: float) -> tuple[float, float, float]:
+        """Pitch, rate and acceleration."""
+        phase, rate, change = (float(row) for row in self.phase(np.asarray(time)))
+        s, c = self.amplitude * math.sin(phase), self.amplitude * math.cos(phase)
+        return s, rate * c, change * c - rate**2 * s
+
+
+def march(chirp: Chirp, cells: int, dt_factor: float = 0.25) -> Result:
+    """The membrane of `coupled`, the frequency going through a list with the state carried over.
+
+    A run that the flow solver refuses to continue keeps the frequencies finished so far and the reason.
+    """
+    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=N_MODES)
+    flow = dns.Simulation(
+        dns.Grid.around_plate(cells=cells, levels=6),
+        dns.Membrane(mass_ratio=0.5, law=law, n_modes=N_MODES),
+        dt=dt_factor / cells,
+        motion=dns.Motion(pitch=chirp),
+    )
+    label, ended = f"membrane from omega {chirp.omegas[0]:g} to {chirp.omegas[-1]:g}, {cells}", "as planned"
+    x = np.sin(np.pi * np.outer(np.linspace(0.0, 1.0, 101), np.arange(1, N_MODES + 1)))
+    holds: list[Result] = []
+    for omega, end in zip(chirp.omegas, chirp.ends(), strict=True):
+        begun = time.process_time()
+        try:
+            history = _run(flow, float(end), label)
+        except dns.FlowError as error:
+            ended = str(error)
+            break
+        load_phase, phase = chirp.phase(history.load_time)[0], chirp.phase(history.time)[0]
+        final = load_phase[-1]
+        lifts = []
+        for back in (0, 1):
+            rows = (load_phase > final - 2.0 * math.pi * (back + 1)) & (load_phase <= final - 2.0 * math.pi * back)
+            lifts.append(dns.harmonics(load_phase[rows], history.lift[rows], np.arange(1.0, 8.0)))
+        last = phase > phase[-1] - 2.0 * math.pi
+        modes = dns.harmonics(phase[last], history.deflection[last], np.arange(1.0, 8.0))
+        holds.append(
+            {
+                "omega": omega,
+                "lift": [[z.real, z.imag] for z in lifts[0]],
+                "lift_per_acceleration": abs(lifts[0][0]) / (chirp.amplitude * omega**2),
+                "change_over_last_period": abs(lifts[0][0] - lifts[1][0]) / abs(lifts[0][0]),
+                "W": [[z.real, z.imag] for z in modes[0]],
+                "camber": float(np.abs(history.deflection[last] @ x.T).max()),
+                "max_strain": max(law.strain(row) for row in history.deflection[last]),
+                "cpu_seconds": round(time.process_time() - begun, 1),
+            }
+        )
+    return {**_settings(flow), "degrees": math.degrees(chirp.amplitude), "holds": holds, "ended": ended}
+
+
+UP = Chirp(math.radians(2.5), (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (3, 4, 12, 12, 8, 8))
+DOWN = Chirp(math.radians(2.5), (8.0, 6.0, 5.6, 5.3, 5.0, 4.7, 4.0), (10, 8, 14, 12, 10, 12, 14))
 CASES: dict[str, Callable[[], Result]] = {
     "cylinder_40": partial(cylinder, 40.0, 0.02, 45.0),
     "cylinder_100": partial(cylinder, 100.0, 0.02, 85.0),
-    "cylinder_200": partial(cylinder, 200.0, 0.02, 60.0),
+    "cylinder_200": partial(cylinder, 200.0, 0.02, 100.0),
     **{f"plate_{n}": partial(plate, n, 6) for n in (25, 50, 75)},
     **{f"plate_25_levels_{n}": partial(plate, 25, n) for n in (4, 5, 7)},
     **{
         f"response_{channel}_{n}": partial(response, channel, n) for n in (25, 50, 75) for channel in ("pitch", 1, 2, 3)
     },
+    **{
+        f"band_{channel}_{n}": partial(response, channel, n, base=BAND_BASE, multiples=BAND_MULTIPLES, n_modes=N_MODES)
+        for n, channels in BAND_CHANNELS.items()
+        for channel in channels
+    },
     **{f"coupled_{d}_{n}": partial(coupled, d, n) for n in (25, 50) for d in (0.25, 2.5)},
-    **{f"coupled_{d}_50_half_dt": partial(coupled, d, 50, 0.2) for d in (0.25, 2.5)},
+    **{f"march_{way}_{n}": partial(march, chirp, n) for n in (25, 50) for way, chirp in (("up", UP), ("down", DOWN))},
+    **{f"march_{way}_25_half_dt": partial(march, chirp, 25, 0.125) for way, chirp in (("up", UP), ("down", DOWN))},
+    **{f"coupled_{d}_{n}_half_dt": partial(coupled, d, n, 0.2) for n in (25, 50) for d in (0.25, 2.5)},
 }
 
 
@@ -218,6 +346,11 @@ def _complex(pair: list[float]) -> complex:
     return complex(pair[0], pair[1])
 
 
+def _complexes(pairs: Any) -> np.ndarray:
+    array = np.asarray(pairs, dtype=float)
+    return array[..., 0] + 1j * array[..., 1]
+
+
 def _cylinder_rows() -> list[Row]:
     rows = [["Re", "quantity", "computed", "published"]]
     for data in sorted(_load("cylinder").values(), key=lambda item: float(item["reynolds"])):
@@ -235,28 +368,45 @@ def _plate_rows() -> list[Row]:
     return rows
 
 
+def _column(data: dict[str, Any]) -> np.ndarray:
+    """Loads [C_L, dCp_1, ...] per unit of the input, a frequency a row."""
+    return np.column_stack([_complexes(data["lift"]), _complexes(data["dCp"])])
+
+
+def _distance(values: np.ndarray, reference: np.ndarray) -> str:
+    return f"{100.0 * np.linalg.norm(values - reference) / np.linalg.norm(reference):.1f}"
+
+
 def _response_rows() -> list[Row]:
-    """Every grid, then the extrapolation from the two finest, an input and frequency a row."""
+    """Every grid, the extrapolation from the two finest and the finite elements, an input and frequency at a time."""
     found: dict[str, dict[float, dict[str, Any]]] = {}
     for data in _load("response").values():
         found.setdefault(str(data["channel"]), {})[data["h"]] = data
-    rows = [["input", "omega", "h", "C_L", "dCp_1", "dCp_2", "dCp_3"]]
+    elements = flat_plate_re100(full=True)
+    rows = [["input", "omega", "h", "C_L", "dCp_1", "dCp_2", "dCp_3", "difference %", "up to dCp_6 %", "order"]]
     for channel, grids in sorted(found.items()):
-        columns = {
-            h: np.array(
-                [[_complex(z) for z in [lift, *row[:3]]] for lift, row in zip(d["lift"], d["dCp"], strict=True)]
-            )
-            for h, d in grids.items()
-        }
+        omegas = np.array(next(iter(grids.values()))["omega"])
+        index = 0 if channel == "pitch" else int(channel) + 1
+        columns = {h: _column(d) for h, d in grids.items()}
+        reference = elements.transfer(1j * omegas)[:, : next(iter(columns.values())).shape[1], index]
         spacings = sorted(columns)
-        entries: list[tuple[str, np.ndarray]] = [(f"{h:.4f}", columns[h]) for h in reversed(spacings)]
+        entries = [(f"{h:.4f}", columns[h]) for h in reversed(spacings)]
+        orders = [""] * omegas.size
         if len(spacings) > 1:
             fine, coarse = spacings[:2]
             weight = fine / (coarse - fine)
             entries.append(("extrapolated", columns[fine] + weight * (columns[fine] - columns[coarse])))
+            errors = [np.linalg.norm((columns[h] - reference)[:, :4], axis=1) for h in (fine, coarse)]
+            orders = [f"{order:.2f}" for order in np.log(errors[1] / errors[0]) / math.log(coarse / fine)]
         label = channel if channel == "pitch" else f"W_{channel}"
-        for i, omega in enumerate(next(iter(grids.values()))["omega"]):
-            rows += [[label, f"{omega:.3g}", name, *(f"{z:.3f}" for z in values[i])] for name, values in entries]
+        for i, omega in enumerate(omegas):
+            for name, values in entries:
+                loads = [f"{z:.3f}" for z in values[i, :4]]
+                errors_here = [_distance(values[i, :n], reference[i, :n]) for n in (4, 7)]
+                order = orders[i] if name == f"{spacings[0]:.4f}" else ""
+                rows.append([label, f"{omega:.3g}", name, *loads, *errors_here, order])
+            finite = [f"{z:.3f}" for z in reference[i, :4]]
+            rows.append([label, f"{omega:.3g}", "finite elements", *finite, "", "", ""])
     return rows
 
 
@@ -293,10 +443,12 @@ def _coupled_rows() -> list[Row]:
     return rows
 
 
+TABLES = {"cylinder": _cylinder_rows, "plate": _plate_rows, "response": _response_rows, "coupled": _coupled_rows}
+
+
 def tables() -> None:
     """Write the tables of docs/dns.md from the result files."""
-    makers = {"cylinder": _cylinder_rows, "plate": _plate_rows, "response": _response_rows, "coupled": _coupled_rows}
-    for name, rows in makers.items():
+    for name, rows in TABLES.items():
         with (DATA / f"{name}.csv").open("w", newline="") as stream:
             csv.writer(stream, lineterminator="\n").writerows(rows())
 

@@ -17,6 +17,7 @@ from hbnlp.errors import (
     HbnlpError,
     LinearInstabilityWarning,
     NonFiniteError,
+    OutsideBandWarning,
     SaveError,
     TraceError,
 )
@@ -63,6 +64,7 @@ __all__ = [
     "Newton",
     "NonFiniteError",
     "NonlinearMembrane",
+    "OutsideBandWarning",
     "Progress",
     "ProgressBar",
     "PseudoArclength",

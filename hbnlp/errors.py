@@ -33,5 +33,9 @@ class SaveError(HbnlpError, OSError):
     """A file could not be written; nothing in memory was lost and no older file was touched."""
 
 
+class OutsideBandWarning(UserWarning):
+    """A reduced-order model is evaluated at frequencies outside the band for which its error is known."""
+
+
 class LinearInstabilityWarning(UserWarning):
     """The linear part of a system is unstable about rest."""

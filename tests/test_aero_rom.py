@@ -9,10 +9,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from hbnlp.aero import AeroROM, Provenance, thin_airfoil
+from hbnlp.aero import AeroROM, Provenance, flat_plate_re100, thin_airfoil
+from hbnlp.errors import OutsideBandWarning
 from hbnlp.storage import save_arrays
 
 quick = settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+# random ROMs have random bands
+of_any_band = pytest.mark.filterwarnings("ignore::hbnlp.errors.OutsideBandWarning")
 
 
 def random_arrays(n_modes, n_lags, seed):
@@ -69,6 +73,7 @@ def test_transfer_function_of_one_lag_is_its_formula():
     np.testing.assert_allclose(rom.transfer(s), expected, rtol=1e-14)
 
 
+@of_any_band
 @quick
 @given(rom=roms)
 def test_static_transfer_is_the_stiffness_exactly_and_fast_motion_meets_the_mass(rom):
@@ -77,12 +82,14 @@ def test_static_transfer_is_the_stiffness_exactly_and_fast_motion_meets_the_mass
     np.testing.assert_allclose(rom.transfer(fast) / fast**2, rom.mass, atol=1e-6)
 
 
+@of_any_band
 @quick
 @given(rom=roms, omega=st.floats(0.01, 100.0))
 def test_real_motion_has_real_loads(rom, omega):
     np.testing.assert_allclose(rom.transfer(-1j * omega), np.conj(rom.transfer(1j * omega)), rtol=1e-10, atol=1e-10)
 
 
+@of_any_band
 @quick
 @given(rom=roms)
 def test_transfer_of_an_array_stacks_that_of_its_points(rom):
@@ -299,3 +306,18 @@ def test_repr_states_facts_in_five_lines():
     assert len(text.splitlines()) <= 5
     for fact in ("2 modes", "3 lag states", "Re = 100", "band 0.1 to 60", "fit error 0.012", "Navier-Stokes"):
         assert fact in text
+
+
+def test_frequencies_outside_the_fitted_band_are_warned_of():
+    rom = flat_plate_re100(n_modes=2)
+    assert rom.provenance.band == (0.03, 100.0)
+    # inside, its ends, the static value, and points off the imaginary axis: silence, as warnings are errors here
+    rom.transfer(1j * np.array([0.0, 0.03, -3.0, 100.0]))
+    rom.transfer([1e-4, 1e4, 1e-4 + 1e-5j])
+    with pytest.warns(OutsideBandWarning, match=r"2 of 3 frequencies, from 0\.002 to 5000, lie outside the band"):
+        rom.transfer([0.002j, 1j, -5000j])
+    with pytest.warns(OutsideBandWarning, match="identify a ROM from data that reach further") as caught:
+        rom.transfer(2000j)
+    assert caught[0].filename == __file__
+    # not a fit: no band
+    thin_airfoil(2).transfer(1e6j)

@@ -1,9 +1,18 @@
 """The kept results of the fine validation against the published ranges (docs/dns.md shows them)."""
 
+import csv
+import importlib.util
 import json
+import math
+import sys
 from pathlib import Path
+from types import ModuleType
 
+import numpy as np
 import pytest
+
+import hbnlp
+from hbnlp import dns
 
 DATA = Path(__file__).parent.parent / "docs" / "data" / "dns"
 # Dennis and Chang 1970; Coutanceau and Bouard 1977; Linnick and Fasel 2005; Taira and Colonius 2007; Liu et al. 1998;
@@ -24,3 +33,84 @@ def test_kept_results_lie_in_the_published_ranges(case: str) -> None:
         # the published figures have two or three digits: half a unit of the last belongs to them
         assert low - 5e-4 <= result[name] <= high + 5e-4, f"{name} = {result[name]:.4f}"
     assert result["provenance"]["command"].endswith(case)
+
+
+def _script(name: str) -> ModuleType:
+    path = Path(__file__).parent.parent / "benchmarks" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _table(name: str) -> list[list[str]]:
+    with (DATA / f"{name}.csv").open(newline="") as stream:
+        return list(csv.reader(stream))
+
+
+def test_tables_of_the_page_are_those_of_the_result_files() -> None:
+    script = _script("dns_validation")
+    for name, rows in script.TABLES.items():
+        assert rows() == _table(name), f"{name}.csv: run benchmarks/dns_validation.py tables"
+
+
+def test_table_of_coupled_runs_holds_the_lift_of_every_run() -> None:
+    script = _script("dns_against_model")
+    header, *rows = _table("coupled_model")
+    shown = {tuple(row[:5]) for row in rows}
+    for path in DATA.glob("coupled_*.json"):
+        data = json.loads(path.read_text())
+        lift = script._polar(complex(*data["lift"]))
+        assert (f"{data['degrees']:g}", f"{data['h']:.2f}", f"{data['dt']:.4f}", *lift) in shown, path.stem
+    header, *rows = _table("branches")
+    shown = {tuple(row[1:5]) for row in rows}
+    for path in DATA.glob("march_*.json"):
+        data = json.loads(path.read_text())
+        for hold in data["holds"]:
+            lift = f"{abs(complex(*hold['lift'][0])):.4f}"
+            assert (f"{hold['omega']:g}", f"{data['h']:.2f}", f"{data['dt']:.4f}", lift) in shown, path.stem
+    assert len(header) == 13
+
+
+@pytest.mark.parametrize(("cells", "within"), [(25, 0.005), (50, 0.001)])
+def test_small_coupled_motion_is_that_of_harmonic_balance_with_the_same_grid(cells: int, within: float) -> None:
+    """At 0.25 degrees, omega = 2, modulus and phase; measured 0.28 % and 0.07 %."""
+    rom = hbnlp.AeroROM.load(DATA / f"rom_{cells}.npz")
+    problem = hbnlp.HarmonicBalance(hbnlp.membrane_wing(hbnlp.NonlinearMembrane(), rom), n_harmonics=5)
+    model = hbnlp.solve(problem, at={"omega": 2.0, "pitch_amplitude": math.radians(0.25)}).harmonics("C_L")[1]
+    run = complex(*json.loads((DATA / f"coupled_0.25_{cells}.json").read_text())["lift"])
+    assert abs(run - model) < within * abs(model)
+
+
+def test_both_branches_at_the_same_frequency_are_kept() -> None:
+    """Harmonic balance has the lift 4.03 and 0.298 at omega = 5; the flow came to both."""
+    rising, falling = (
+        next(hold for hold in json.loads((DATA / f"march_{way}_25.json").read_text())["holds"] if hold["omega"] == 5.0)
+        for way in ("up", "down")
+    )
+    assert abs(complex(*rising["lift"][0])) == pytest.approx(4.03, rel=0.04)
+    assert abs(complex(*falling["lift"][0])) == pytest.approx(0.298, rel=0.04)
+
+
+@pytest.mark.parametrize("degrees", [0.25, 2.5])
+def test_coarse_coupled_run_is_near_harmonic_balance(degrees: float) -> None:
+    """Four periods at omega = 2 on 16 cells and five levels; first order in h would leave twice that of 25 cells."""
+    omega, n_modes, steps = 2.0, 4, 126
+    dt = 2.0 * math.pi / omega / steps
+    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=n_modes)
+    flow = dns.Simulation(
+        dns.Grid.around_plate(cells=16, levels=5),
+        dns.Membrane(mass_ratio=0.5, law=law, n_modes=n_modes),
+        dt=dt,
+        motion=dns.Motion.sinusoidal(omega, pitch=math.radians(degrees)),
+    )
+    history = flow.run(4 * steps * dt)
+    run = dns.harmonics(history.load_time[-steps:], history.lift[-steps:], omega * np.arange(1, 4))[0]
+    wing = hbnlp.membrane_wing(hbnlp.NonlinearMembrane(n_modes=n_modes), hbnlp.aero.flat_plate_re100(n_modes))
+    at = {"omega": omega, "pitch_amplitude": math.radians(degrees)}
+    model = hbnlp.solve(hbnlp.HarmonicBalance(wing, n_harmonics=3), at=at).harmonics("C_L")[1]
+    # measured 7.4 % and 7.5 %
+    assert abs(run - model) < 0.09 * abs(model)

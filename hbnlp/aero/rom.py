@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from hbnlp.aero import statespace
 from hbnlp.aero.provenance import Provenance
 from hbnlp.checks import whole_number
+from hbnlp.errors import OutsideBandWarning
 from hbnlp.storage import load_arrays, save_arrays
 
 if TYPE_CHECKING:
@@ -180,10 +182,17 @@ class AeroROM:
         ------
         ValueError
             If ``s`` is not finite or is a pole of the ROM.
+
+        Warns
+        -----
+        OutsideBandWarning
+            If ``s`` holds frequencies, points of the imaginary axis, outside the band of the ROM's provenance. Zero is
+            no such point: the static value is exact.
         """
         points = np.asarray(s, dtype=complex)
         if not np.all(np.isfinite(points)):
             raise ValueError(f"s holds {points[~np.isfinite(points)].flat[0]}; only finite values are accepted")
+        self._warn_outside_band(points)
         z = points[..., np.newaxis, np.newaxis]
         g: ComplexArray = (self.stiffness + z * self.damping + z**2 * self.mass).astype(complex)
         if self.n_lags:
@@ -193,6 +202,22 @@ class AeroROM:
                 raise ValueError(f"s meets a pole of the ROM; evaluate it away from its poles {self.poles}") from error
             g = g + z**2 * (self.lag_output @ states)
         return g
+
+    def _warn_outside_band(self, points: ComplexArray) -> None:
+        if self.provenance.band is None:
+            return
+        lowest, highest = self.provenance.band
+        omega = np.abs(points.imag[(points.real == 0.0) & (points.imag != 0.0)])
+        # round-off of a band's own ends is no departure from it
+        outside = omega[(omega < lowest * (1.0 - 1e-9)) | (omega > highest * (1.0 + 1e-9))]
+        if outside.size:
+            warnings.warn(
+                f"{outside.size} of {points.size} frequencies, from {outside.min():.4g} to {outside.max():.4g}, lie "
+                f"outside the band {lowest:g} to {highest:g} for which the ROM's error is known: "
+                "keep to the band, or identify a ROM from data that reach further",
+                OutsideBandWarning,
+                stacklevel=3,
+            )
 
     def truncated(self, n_modes: int) -> AeroROM:
         """Return the ROM of the first ``n_modes`` membrane modes, its leading block, with all lag states.

@@ -1,0 +1,74 @@
+r"""
+Both branches of the hysteresis in the coupled Navier-Stokes simulation
+=======================================================================
+
+The paper's membrane wing (:math:`\mu = 0.5`, :math:`Eh = 250`, :math:`\delta_0 = 0.002`, Re = 100), pitching about its
+leading edge through 2.5 degrees. Lines: harmonic balance of the nonlinear membrane with the shipped linear
+aerodynamics. Markers: :doc:`the nonlinear flow solver </dns>` coupled with the same membrane, the frequency rising from
+1 to 6 (triangles up) or falling from 8 to 4 (triangles down) with the state carried over; each stop lasts several
+periods.
+
+At :math:`\omega = 5` the flow settles on either of two motions, depending on where it came from, as the model says;
+falling past the model's fold at 4.55 it jumps to the large one. Between 5.8 and 7.3 the model's small motion is
+unstable (two Neimark-Sacker points), and there the flow does not settle either: its lift changes from period to period.
+Where it settles, lift agrees within four per cent on both branches; how much of that is the grid and how much
+nonlinearity of the flow is in the tables of :doc:`/dns`.
+
+The runs take minutes (``python benchmarks/dns_validation.py march_up_25 march_down_25``) and are read from files; the
+branches take seconds.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+import hbnlp
+
+runs = Path(hbnlp.__file__).parents[1] / "docs" / "data" / "dns"
+wing = hbnlp.membrane_wing(hbnlp.NonlinearMembrane(), hbnlp.aero.flat_plate_re100())
+problem = hbnlp.HarmonicBalance(wing, n_harmonics=7)
+pitch = {"pitch_amplitude": np.radians(2.5)}
+
+# %%
+# From low frequency the branch of large motions; from high frequency that of small ones, back through its fold.
+large = hbnlp.trace(problem, "omega", (0.9, 8.0), at=pitch)
+small = hbnlp.trace(problem, "omega", (8.5, 4.0), at=pitch)
+print(large, small, sep="\n")
+
+ax = large.plot("C_L", special=False, color="tab:blue", label="harmonic balance, from below")
+small.plot("C_L", ax=ax, special=False, color="tab:orange", label="harmonic balance, from above")
+for way, marker, colour in (("up", "^", "tab:blue"), ("down", "v", "tab:orange")):
+    for cells, face in ((25, "none"), (50, colour)):
+        path = runs / f"march_{way}_{cells}.json"
+        if not path.exists():
+            continue
+        holds = json.loads(path.read_text())["holds"]
+        lift = np.array([abs(complex(*hold["lift"][0])) for hold in holds])
+        label = f"flow solver, {'rising' if way == 'up' else 'falling'}, h = {1 / cells:g}"
+        ax.plot(
+            [hold["omega"] for hold in holds],
+            lift,
+            marker,
+            markerfacecolor=face,
+            markeredgecolor=colour,
+            markersize=8,
+            label=label,
+        )
+        for hold, value in zip(holds, lift, strict=True):
+            if hold["change_over_last_period"] > 0.01:
+                print(f"omega = {hold['omega']:g}, {way}, h = {1 / cells:g}: not periodic")
+                continue
+            branch = small if way == "down" and hold["omega"] > 4.55 else large
+            nearest = branch.solution(int(np.flatnonzero(np.diff(np.sign(branch.parameter - hold["omega"])))[0]))
+            model = hbnlp.solve(problem, at={**pitch, "omega": hold["omega"]}, guess=nearest)
+            difference = value / abs(model.harmonics("C_L")[1]) - 1.0
+            print(
+                f"omega = {hold['omega']:g}, {way}, h = {1 / cells:g}: lift {100 * difference:+.1f} % from the model's"
+            )
+            assert abs(difference) < 0.04
+
+ax.set(yscale="log", xlim=(0.8, 8.2), ylabel="$|C_L|$ (first harmonic)")
+ax.legend(frameon=False)
+Path("figures").mkdir(exist_ok=True)
+ax.figure.savefig("figures/coupled_dns_vs_harmonic_balance.png", dpi=110)
