@@ -14,7 +14,8 @@ above (stability is that of the one-harmonic motions). No march in frequency fin
 
 *The paper's recipe* for the unstable motion, a rootfinder from random guesses, is tried at :math:`\omega = 6`: of a
 hundred guesses, sizes drawn from 0.01 to 1 of the resonant motion's, none ends on the unstable motion; a third end on
-the resonant one, most on the quiet one. They cost more than twenty traces of the whole branch (without stability).
+the resonant one, most on the quiet one. They cost about as much as twenty traces of the whole branch (without
+stability).
 """
 
 import time
