@@ -194,7 +194,7 @@ def branch_rows(found: dict[str, Model]) -> list[Row]:
 
 
 def sensitivity_rows(found: dict[str, Model]) -> list[Row]:
-    """How far lift on the large branch is off, and how far a tenth more damping of the membrane moves it."""
+    """How far lift on the large branch is off, and what a tenth more aerodynamic damping of the membrane does to it."""
     rom = hbnlp.AeroROM.load(DATA / "rom_50.npz")
     damping = rom.damping.copy()
     damping[:, 2:] *= 1.1

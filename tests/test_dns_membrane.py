@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+import hbnlp
 from hbnlp import dns
 from hbnlp.dns.membrane import MembraneShape, inertial_load
 from hbnlp.dns.plate import PlateWall
@@ -164,3 +165,15 @@ def test_impossible_membranes_are_refused() -> None:
         dns.Simulation(
             dns.Grid.around_plate(cells=16), dns.Membrane(mass_ratio=0.5, law=dns.LinearTension(1.0), n_modes=10)
         )
+
+
+def test_force_law_is_that_of_the_models_membrane() -> None:
+    """Written twice, as the flow solver takes nothing from the models: same potential, same quadrature."""
+    membrane = hbnlp.NonlinearMembrane(stiffness=250.0, prestrain=0.002, n_modes=6, n_nodes=96)
+    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=6, points=96)
+    deflection = np.array([0.08, -0.03, 0.01, 0.004, -0.002, 0.001])
+    np.testing.assert_allclose(law.restoring(deflection), membrane.restoring_force(deflection), rtol=1e-12)
+    assert law.strain(deflection) == pytest.approx(membrane.elongation(deflection), rel=1e-12)
+    # so either may be given to the flow solver
+    adapted = dns.Restoring(membrane.restoring_force)
+    np.testing.assert_allclose(adapted.tangent(deflection), law.tangent(deflection), rtol=1e-5, atol=1e-3)
