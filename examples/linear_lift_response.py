@@ -43,11 +43,7 @@ print(f"divergence below c_T = {last['divergence'][0]:.6f}, flutter at mu = 100 
 assert np.allclose(last["divergence"], 1.726336, atol=1e-6)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), width_ratios=(3, 2), layout="constrained")
-for tension, gain in zip(response.tensions, response.membrane, strict=True):
-    left.semilogx(response.omega, 20.0 * np.log10(abs(gain)), linewidth=1.4, label=f"$c_T = {tension:g}$")
-left.semilogx(response.omega, 20.0 * np.log10(abs(response.rigid)), "k:", label="rigid wing")
-left.set(xlabel=r"$\omega$", ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)", ylim=(-50, 65), title="linear lift response")
-left.legend(frameon=False)
+response.plot(ax=left).set(ylim=(-50, 65), title="linear lift response")
 right.loglog(mass_ratios, last["divergence"], label="divergence below")
 right.loglog(mass_ratios, last["flutter"], label="flutter below")
 right.fill_between(mass_ratios, np.fmax(last["divergence"], last["flutter"]), 20.0, color="0.93")

@@ -34,15 +34,6 @@ quasi_linear = hbnlp.membrane_wing(hbnlp.QuasiLinearMembrane(**properties), rom)
 pitch = {"pitch_amplitude": np.radians(2.5)}
 
 
-def nearest(branch, omega, lift):
-    """Return the first harmonic of lift of a branch at a frequency, that of its crossings next to a value."""
-    level, parameter = abs(branch.harmonics("C_L")[:, 1]), branch.parameter
-    places = np.flatnonzero((parameter[:-1] - omega) * (parameter[1:] - omega) <= 0.0)
-    i = places[np.argmin(abs(level[places] - lift))]
-    solution = hbnlp.solve(branch.problem, at={**pitch, "omega": omega}, guess=branch.solution(int(i)))
-    return abs(solution.harmonics("C_L")[1])
-
-
 begun, branches = time.process_time(), []
 for wing in (quasi_linear, nonlinear):
     problem = hbnlp.HarmonicBalance(wing, n_harmonics=9)
@@ -65,7 +56,7 @@ for name, result, marker in (("up", up, "^"), ("down", down, "v")):
     found = []
     for omega, lift in zip(result.parameter, lifts, strict=True):
         for pair in (branches[2:], branches[:2]):
-            values = [nearest(b, omega, lift) for b in pair if b.parameter.min() <= omega]
+            values = [abs(s.harmonics("C_L")[1]) for branch in pair for s in branch.at(omega)]
             found.append(min(values, key=lambda value: abs(value - lift)))
         print(f"{name:>6} {omega:7.2f} {lift:13.5f} {found[-2]:12.5f} {found[-1]:12.5f}")
     errors = abs(np.reshape(found, (-1, 2)) / lifts[:, None] - 1.0)

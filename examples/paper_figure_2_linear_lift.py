@@ -45,11 +45,7 @@ kinds = {x.kind for found in limits for x in found}
 print("limits:", ", ".join(f"mu = {mu:.3g}: {c:.4g}" for mu, c in zip(mass_ratios, highest, strict=True)), kinds)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.6), width_ratios=(2, 1), layout="constrained")
-for tension, g in zip(tensions, gain, strict=True):
-    left.semilogx(omega, g, color=plt.cm.viridis(tension / 4.5), linewidth=1.2, label=f"$c_T = {tension:g}$")
-left.semilogx(omega, rigid, "k:", label="rigid wing")
-left.set(xlabel=r"$\omega$", ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)", title="linear lift response at Re = 100")
-left.legend(frameon=False, fontsize="small")
+response.plot(ax=left).set_title("linear lift response at Re = 100")
 right.loglog(mass_ratios, highest, "o-", color="C3")
 right.fill_between(mass_ratios, 0.02, highest, color="0.92")
 right.plot(0.5 * np.ones(8), tensions, "kx", label="the wings on the left")

@@ -5,7 +5,7 @@ Harmonic balance as a CasADi nonlinear program, traced through its folds with Fl
 
 from importlib.metadata import version
 
-from hbnlp import aero, systems
+from hbnlp import aero, design, identification, systems
 from hbnlp.aero import AeroROM
 from hbnlp.aeroelastic import lift_response
 from hbnlp.balance import HarmonicBalance
@@ -30,7 +30,7 @@ from hbnlp.peaks import locate_peak, peaks
 from hbnlp.search import Search, find_all
 from hbnlp.solution import Solution, Status
 from hbnlp.solve import Ipopt, Rootfinder, solve
-from hbnlp.stability import Floquet, FloquetResult
+from hbnlp.stability import Floquet, FloquetResult, floquet
 from hbnlp.sweep import Sweep, sweep
 from hbnlp.switching import switch_branch
 from hbnlp.system import System
@@ -85,9 +85,12 @@ __all__ = [
     "TraceError",
     "Tracer",
     "aero",
+    "design",
     "eigenvalues",
     "find_all",
+    "floquet",
     "fold_curve",
+    "identification",
     "integrate",
     "lift_response",
     "load_branch",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,9 @@ from hbnlp.fourier import Array, ComplexArray
 from hbnlp.linear_response import linear_response
 from hbnlp.linear_stability import eigenvalues
 from hbnlp.system import System
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,6 +42,12 @@ class LiftResponse:
     membrane: ComplexArray
     rigid: ComplexArray
     growth: Array
+
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the gains in decibels over log omega, a line a tension; see `hbnlp.plot.plot_lift_response`."""
+        from hbnlp.plot import plot_lift_response
+
+        return plot_lift_response(self, ax=ax, **options)
 
     def __repr__(self) -> str:
         tensions = ", ".join(

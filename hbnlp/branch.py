@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbnlp.balance import HarmonicBalance
+from hbnlp.crossing import solution_between
+from hbnlp.curves import ParameterCurve
 from hbnlp.fourier import Array, ComplexArray
 from hbnlp.parameters import unknown_name
-from hbnlp.solution import Solution
+from hbnlp.solution import Solution, make_solution
 from hbnlp.storage import load_arrays, save_arrays
 
 if TYPE_CHECKING:
@@ -182,6 +184,40 @@ class Branch:
             statistics={"residual": float(self.residual[index]), "samples": int(self.n_samples[index])},
             problem=self.problem,
         )
+
+    def at(self, value: float) -> tuple[Solution, ...]:
+        """Return the solutions at which the branch passes a value of its parameter, in branch order.
+
+        They are solved for between the points of the branch, also where two of them are about to meet in a fold.
+
+        Parameters
+        ----------
+        value : float
+            Of the continuation parameter. One that the branch does not reach has no solutions.
+
+        Raises
+        ------
+        ValueError
+            If the branch came from a file, without its problem.
+        ConvergenceError
+            If the branch cannot be followed between two of its points.
+        """
+        if self.problem is None:
+            raise ValueError("a branch from a file has no problem to be solved with; trace or resume it with its own")
+        values = np.array([self.parameters.get(name, np.nan) for name in self.parameter_names])
+        curve = ParameterCurve(self.problem, values, self.name, 0.01 * abs(self.span[1] - self.span[0]))
+        points = np.column_stack([self.coefficients.reshape(len(self), -1), self.parameter])
+        turns = [fold for fold in self.folds if fold.refined]
+        turning = [np.append(fold.solution.coefficients.ravel(), fold.value) for fold in turns]
+        points = np.insert(points, [fold.index + 1 for fold in turns], turning, axis=0) if turns else points
+        ahead = points[:, -1] - value
+        found = []
+        for i in range(len(points)):
+            if ahead[i] == 0.0:
+                found.append(make_solution(self.problem, points[i, :-1], curve.values(points[i])))
+            elif i + 1 < len(points) and ahead[i] * ahead[i + 1] < 0.0:
+                found.append(solution_between(curve, points[i], points[i + 1], float(value)))
+        return tuple(found)
 
     def of_kind(self, kind: Kind) -> tuple[SpecialPoint, ...]:
         """Return the special points of one kind, in branch order."""

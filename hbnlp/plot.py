@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from hbnlp.aero.identification import Identification
+from hbnlp.aeroelastic import LiftResponse, decibels
 from hbnlp.branch import Branch, Kind
 from hbnlp.foldcurves import FoldBranch, FoldEvent
 from hbnlp.fourier import Array
@@ -146,11 +147,30 @@ def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | N
     return ax
 
 
+def plot_lift_response(response: LiftResponse, *, ax: Axes | None = None, **options: Any) -> Axes:
+    """Draw C_L / alpha'' in decibels over log omega: a line a tension, from dark to light, and the rigid wing dotted.
+
+    A wing that is unstable about rest never reaches its response: its line is dashed and thin.
+    """
+    ax = ax or _new_axes()
+    shades = plt.get_cmap("viridis")(np.linspace(0.0, 0.85, response.tensions.size))
+    for tension, gain, growth, shade in zip(response.tensions, response.membrane, response.growth, shades, strict=True):
+        style = {"linewidth": 1.4} if growth < 0.0 else UNSTABLE
+        note = "" if growth < 0.0 else " (unstable)"
+        drawn = {"color": shade, **style, "label": f"$c_T = {tension:g}${note}", **options}
+        ax.semilogx(response.omega, decibels(gain), **drawn)
+    ax.semilogx(response.omega, decibels(response.rigid), "k:", label="rigid wing")
+    ax.set(xlabel=r"$\omega$", ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)")
+    ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
 def _new_axes() -> Axes:
     return plt.subplots(figsize=(6.4, 4.2), layout="constrained")[1]
 
 
-def _level(source: Any, output: str, harmonic: int, per: str | None, decibels: bool) -> Array:
+def _level(source: Any, output: str, harmonic: int, per: str | None, in_decibels: bool) -> Array:
     """Return what is drawn for every point of a branch or sweep, or for one solution."""
     amplitudes = source.harmonics(output)
     if not 0 <= harmonic < amplitudes.shape[-1]:
@@ -159,7 +179,7 @@ def _level(source: Any, output: str, harmonic: int, per: str | None, decibels: b
     if per is not None:
         size = size / np.abs(source.harmonics(per)[..., 1])
     with np.errstate(divide="ignore"):
-        return np.asarray(20.0 * np.log10(size) if decibels else size)
+        return decibels(size) if in_decibels else np.asarray(size)
 
 
 def _segments(flags: Any) -> Iterator[tuple[slice, bool]]:

@@ -18,6 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from hbnlp.collocation import Gauss, Plant, StepMaps, product, spectrum
 from hbnlp.fourier import Array, ComplexArray
 from hbnlp.linearisation import Linearisation, NodeValues, Variation
+from hbnlp.solution import Solution
 from hbnlp.system import System
 
 NEGLIGIBLE = 1e-6  # multipliers smaller than this need not be accurate
@@ -277,12 +278,27 @@ class FloquetEvaluator:
         )
 
 
-def monodromy(
-    system: System, coefficients: ArrayLike, values: ArrayLike, *, periods: int = 1, options: Floquet | None = None
-) -> FloquetResult:
-    """Return the Floquet analysis of one solution (n_dof, 2H+1) of a system; `FloquetEvaluator` serves many."""
-    n_harmonics = (np.shape(coefficients)[-1] - 1) // 2
-    return FloquetEvaluator(system, periods, n_harmonics, options)(coefficients, values)
+def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResult:
+    """Return the Floquet multipliers of one periodic solution, from `hbnlp.solve`, `hbnlp.find_all` or a branch.
+
+    Parameters
+    ----------
+    solution : Solution
+        Converged, and with its problem.
+    method : Floquet, optional
+
+    Raises
+    ------
+    ValueError
+        If the solution did not converge, or came from a file, without its problem.
+    """
+    if solution.problem is None:
+        raise ValueError("a solution from a file has no problem, and so no equations; solve it again from there")
+    if not solution.converged:
+        raise ValueError("the solution did not converge: it is no motion of the system, and has no stability")
+    system = solution.problem.system
+    evaluate = FloquetEvaluator(system, solution.periods, solution.n_harmonics, method)
+    return evaluate(solution.coefficients, [solution.parameters[name] for name in system.parameters.names])
 
 
 def _sorted(multipliers: ComplexArray) -> ComplexArray:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import same_color
 
 from hbnlp.aero import thin_airfoil
+from hbnlp.aeroelastic import lift_response
 from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import Kind, load_branch
 from hbnlp.foldcurves import fold_curve
@@ -214,6 +215,19 @@ def test_a_fold_curve_is_drawn_in_its_plane_with_its_events(branch):
     assert (drawn[0].get_xdata()[0], drawn[0].get_ydata()[0]) == (event.first, event.second)
     _, given = plt.subplots()
     assert plot_fold_curve(curve, ax=given, label="here") is given
+
+
+def test_a_lift_response_has_a_line_a_tension_dashed_where_it_is_never_reached_and_the_rigid_wing_dotted():
+    wing = membrane_wing(QuasiLinearMembrane(n_modes=3), thin_airfoil(3))
+    response = lift_response(wing, [0.1, 1.0, 10.0], tensions=[1.0, 4.0])
+    ax = response.plot()
+    divergent, stable, rigid = ax.get_lines()
+    assert (divergent.get_linestyle(), stable.get_linestyle(), rigid.get_linestyle()) == ("--", "-", ":")
+    np.testing.assert_allclose(stable.get_ydata(), 20.0 * np.log10(abs(response.membrane[1])))
+    np.testing.assert_allclose(rigid.get_ydata(), 20.0 * np.log10(abs(response.rigid)))
+    assert legend(ax) == ["$c_T = 1$ (unstable)", "$c_T = 4$", "rigid wing"]
+    assert ax.get_xscale() == "log"
+    assert response.plot(ax=ax) is ax
 
 
 def test_an_unknown_output_and_an_unknown_harmonic_are_refused(branch):

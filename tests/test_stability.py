@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment, root
 from hbnlp.collocation import Gauss, product, spectrum
 from hbnlp.errors import NonFiniteError
 from hbnlp.fourier import FourierBasis, basis_derivatives
-from hbnlp.stability import Floquet, FloquetEvaluator, monodromy
+from hbnlp.stability import Floquet, FloquetEvaluator
 from hbnlp.system import System
 
 
@@ -20,6 +20,11 @@ def largest_error(multipliers, reference):
     error = np.abs(np.subtract.outer(multipliers, reference)) / np.maximum(1.0, np.abs(reference))
     error[np.maximum.outer(np.abs(multipliers), np.abs(reference)) < 1e-6] = 0.0
     return error[linear_sum_assignment(error)].max()
+
+
+def monodromy(system, x, values, *, periods=1, options=None):
+    """The analysis of given coefficients, which need not be a solution."""
+    return FloquetEvaluator(system, periods, (np.shape(x)[-1] - 1) // 2, options)(x, values)
 
 
 def integrated(first_order, period):
