@@ -26,12 +26,14 @@ from hbnlp.integrators import Adaptive, RungeKutta4
 from hbnlp.linear_stability import eigenvalues, stability_limits
 from hbnlp.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
 from hbnlp.newton import Newton
+from hbnlp.newtonmarch import Sweep
 from hbnlp.peaks import locate_peak, peaks
+from hbnlp.resolution import ResolvedBranch, resolve_harmonics
 from hbnlp.search import Search, find_all
 from hbnlp.solution import Solution, Status
 from hbnlp.solve import Ipopt, Rootfinder, solve
 from hbnlp.stability import Floquet, FloquetResult, floquet
-from hbnlp.sweep import Sweep, sweep
+from hbnlp.sweep import sweep
 from hbnlp.switching import switch_branch
 from hbnlp.system import System
 from hbnlp.timemarch import integrate
@@ -39,7 +41,7 @@ from hbnlp.timeresponse import TimeResponse
 from hbnlp.timesweep import TimeSweep
 from hbnlp.trace import trace
 from hbnlp.tracer import Tracer
-from hbnlp.truncation import ResolvedBranch, resolve_harmonics, truncation_error
+from hbnlp.truncation import truncation_error
 from hbnlp.wing import membrane_wing
 
 __version__ = version("hbnlp")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import enum
+import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import Kind, SpecialPoint
+from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.continuation import Continuation, Point, PseudoArclength, StopContinuation, locate, start_point
 from hbnlp.errors import ConvergenceError
 from hbnlp.folds import FoldCurve
@@ -22,6 +24,8 @@ from hbnlp.storage import load_arrays, save_arrays
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+logger = logging.getLogger(__name__)
 
 _KIND = "fold curve"
 
@@ -151,6 +155,7 @@ def fold_curve(
     first_span: tuple[float, float] | None = None,
     second_span: tuple[float, float] | None = None,
     method: PseudoArclength | None = None,
+    callbacks: Callbacks = (),
 ) -> FoldBranch:
     """Follow a fold in two parameters, both ways.
 
@@ -164,6 +169,9 @@ def fold_curve(
     first_span, second_span : (float, float), optional
         Where to stop; by default a tenth and ten times the values at the fold.
     method : PseudoArclength, optional
+    callbacks : sequence of callables
+        Called after each fold with a `Progress`; one that raises `StopTracing` ends the curve, as Ctrl-C does: with all
+        folds so far, and ``ends`` says so.
 
     Raises
     ------
@@ -198,20 +206,47 @@ def fold_curve(
             f"the fold at {first} = {place[0]:g} does not converge in this problem: {found.reason}", found
         )
     options = method or PseudoArclength(angle=5.0, max_points=3000)
-    halves = [_half(curve, found.y, sign * unit, spans, options) for sign in (-1.0, 1.0)]
-    (back, back_events, back_end), (ahead, ahead_events, ahead_end) = halves
-    if ahead_end == _CLOSED:
-        back, back_events, back_end = [found.y], [], _CLOSED
-    points = np.array([*back[::-1], *ahead[1:]])
-    return FoldBranch(
-        names=(first, second),
-        first=points[:, -2],
-        second=points[:, -1],
-        coefficients=points[:, : problem.size].reshape(-1, *problem.shape),
-        events=(*back_events[::-1], *ahead_events),
-        ends=(back_end, ahead_end),
-        parameters={k: v for k, v in fold.solution.parameters.items() if k not in (first, second)},
-    )
+    others = {k: v for k, v in fold.solution.parameters.items() if k not in (first, second)}
+    sides = [_Side(points=[found.y]), _Side(points=[found.y])]
+
+    def result() -> FoldBranch:
+        back, ahead = sides
+        points = np.array([*back.points[:0:-1], *ahead.points])
+        return FoldBranch(
+            names=(first, second),
+            first=points[:, -2],
+            second=points[:, -1],
+            coefficients=points[:, : problem.size].reshape(-1, *problem.shape),
+            events=(*back.events[::-1], *ahead.events),
+            ends=(back.end, ahead.end),
+            parameters=others,
+        )
+
+    observers = Observers(callbacks, f"following a fold in {first} and {second}", second)
+    try:
+        for side, sign in zip(sides[::-1], (1.0, -1.0), strict=True):
+            for _ in _follow(side, curve, sign * unit, spans, options):
+                counts = {"folds": sum(len(s.points) for s in sides), "events": sum(len(s.events) for s in sides)}
+                observers.tell(side.points[-1][-1], 0.5 * sum(bool(s.end) for s in sides), counts, result)
+            if side.end == _CLOSED:
+                sides[0].end = _CLOSED
+                break
+    except (KeyboardInterrupt, StopTracing) as stop:
+        for side in sides:
+            side.end = side.end or ended_by(stop)
+        logger.warning("the fold curve was %s after %d folds", ended_by(stop), sum(len(s.points) for s in sides) - 1)
+    branch = result()
+    observers.finish(branch)
+    return branch
+
+
+@dataclass
+class _Side:
+    """One way along a fold curve."""
+
+    points: list[Array]
+    events: list[FoldCurvePoint] = field(default_factory=list)
+    end: str = ""
 
 
 _CLOSED = "closed on itself"
@@ -227,29 +262,32 @@ def _span_around(span: tuple[float, float] | None, value: float, name: str) -> t
     return low, high
 
 
-def _half(
-    curve: FoldCurve, first: Array, toward: Array, spans: list[tuple[float, float]], options: PseudoArclength
-) -> tuple[list[Array], list[FoldCurvePoint], str]:
-    start = start_point(curve, first, toward)
+def _follow(
+    side: _Side, curve: FoldCurve, toward: Array, spans: list[tuple[float, float]], options: PseudoArclength
+) -> Iterator[None]:
+    """Extend a side fold by fold, until it says why it ends."""
+    start = start_point(curve, side.points[0], toward)
     stepper = Continuation(curve, start, options)
-    points: list[Array] = [first]
-    events: list[FoldCurvePoint] = []
-    while len(points) < options.max_points:
+    while len(side.points) < options.max_points:
         before = stepper.point
         try:
             after = stepper.advance(spans[1])
         except StopContinuation as stop:
-            return points, events, str(stop)
+            side.end = str(stop)
+            return
         event = _event(stepper, curve, before, after)
-        events += [event] if event is not None else []
-        points.append(after.y)
+        side.events += [event] if event is not None else []
+        side.points.append(after.y)
         if after.parameter in spans[1]:
-            return points, events, "end of the second span"
-        if not spans[0][0] < after.y[-2] < spans[0][1]:
-            return points, events, "end of the first span"
-        if len(points) > 4 and _passed(before, after, start):
-            return points, events, _CLOSED
-    return points, events, "max_points"
+            side.end = "end of the second span"
+        elif not spans[0][0] < after.y[-2] < spans[0][1]:
+            side.end = "end of the first span"
+        elif len(side.points) > 4 and _passed(before, after, start):
+            side.end = _CLOSED
+        yield
+        if side.end:
+            return
+    side.end = "max_points"
 
 
 def _passed(before: Point, after: Point, start: Point) -> bool:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.checks import whole_number
 from hbnlp.firstorder import FirstOrderForm, Method
 from hbnlp.fourier import Array, ComplexArray
@@ -36,7 +37,7 @@ def march(
     max_periods: int = 2000,
     periodic_tol: float = 1e-8,
     find_jumps: bool = True,
-    progress: Callable[[int, int], object] | None = None,
+    callbacks: Callbacks = (),
 ) -> TimeSweep:
     """March through values of a parameter by direct integration, the state carried over from one to the next.
 
@@ -62,14 +63,14 @@ def march(
         marked; marching goes on.
     find_jumps : bool
         Whether jumps are looked for; the proof of each costs one more integration (see `TimeSweep`).
-    progress : callable (n_done, n_values), optional
-        Called after each value.
+    callbacks : sequence of callables
+        Called after each value with a `Progress`.
 
     Returns
     -------
     TimeSweep
-        Of fewer values where the response diverged, where a fixed step was no longer stable, or on Ctrl-C; ``message``
-        says so.
+        Of fewer values where the response diverged, where a fixed step was no longer stable, on Ctrl-C, or where a
+        callback raised `StopTracing`; ``message`` says so.
 
     Raises
     ------
@@ -98,7 +99,33 @@ def march(
     first[index] = marched[0]
     state = initial_state(system, initial, first, periods)
     points: list[_Point] = []
-    ending = ""
+    parameters = system.parameters.as_dict(point)
+    del parameters[name]
+
+    def result(ending: str = "under way") -> TimeSweep:
+        jumps = [i for i, p in enumerate(points) if p.jumped_from is not None]
+        n_outputs = len(system.output_names)
+        return TimeSweep(
+            name=name,
+            parameter=np.array([p.value for p in points]),
+            amplitudes=np.array([p.amplitudes for p in points], dtype=complex).reshape(-1, n_outputs, n_harmonics + 1),
+            output_names=system.output_names,
+            states=np.array([p.state for p in points]).reshape(-1, system.n_state),
+            periodic=np.array([p.periodic for p in points], dtype=bool),
+            defects=np.array([p.defect for p in points]),
+            n_periods=np.array([p.n_periods for p in points], dtype=np.int64),
+            jumps=np.array(jumps, dtype=np.int64),
+            jump_brackets=np.array([(points[i].jumped_from, points[i].value) for i in jumps], dtype=float).reshape(
+                -1, 2
+            ),
+            parameters=parameters,
+            periods=int(periods),
+            method=repr(method),
+            complete=not ending,
+            message=ending or f"all {marched.size} values reached",
+        )
+
+    observers, ending = Observers(callbacks, f"integrating along {name}", name), ""
     try:
         for value in marched:
             last = next((p for p in reversed(points) if p.periodic), None)
@@ -115,32 +142,14 @@ def march(
                 break
             points.append(here)
             state = response.state
-            if progress:
-                progress(len(points), marched.size)
-    except KeyboardInterrupt:
-        ending = f"interrupted after {len(points)} of {marched.size} values"
+            jumps = sum(p.jumped_from is not None for p in points)
+            observers.tell(value, len(points) / marched.size, {"values": len(points), "jumps": jumps}, result)
+    except (KeyboardInterrupt, StopTracing) as stop:
+        ending = f"{ended_by(stop)} after {len(points)} of {marched.size} values"
         ending += "; go on from initial=sweep.states[-1]" if points else ""
-    parameters = system.parameters.as_dict(point)
-    del parameters[name]
-    jumps = [i for i, p in enumerate(points) if p.jumped_from is not None]
-    n_outputs = len(system.output_names)
-    return TimeSweep(
-        name=name,
-        parameter=np.array([p.value for p in points]),
-        amplitudes=np.array([p.amplitudes for p in points], dtype=complex).reshape(-1, n_outputs, n_harmonics + 1),
-        output_names=system.output_names,
-        states=np.array([p.state for p in points]).reshape(-1, system.n_state),
-        periodic=np.array([p.periodic for p in points], dtype=bool),
-        defects=np.array([p.defect for p in points]),
-        n_periods=np.array([p.n_periods for p in points], dtype=np.int64),
-        jumps=np.array(jumps, dtype=np.int64),
-        jump_brackets=np.array([(points[i].jumped_from, points[i].value) for i in jumps], dtype=float).reshape(-1, 2),
-        parameters=parameters,
-        periods=int(periods),
-        method=repr(method),
-        complete=not ending,
-        message=ending or f"all {marched.size} values reached",
-    )
+    sweep = result(ending)
+    observers.finish(sweep)
+    return sweep
 
 
 class _Point(NamedTuple):

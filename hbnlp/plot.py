@@ -12,6 +12,8 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
@@ -20,7 +22,8 @@ from hbnlp.aeroelastic import LiftResponse, decibels
 from hbnlp.branch import Branch, Kind
 from hbnlp.foldcurves import FoldBranch, FoldEvent
 from hbnlp.fourier import Array
-from hbnlp.sweep import Sweep
+from hbnlp.newtonmarch import Sweep
+from hbnlp.resolution import ResolvedBranch
 from hbnlp.timesweep import TimeSweep
 
 STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
@@ -129,6 +132,35 @@ def plot_sweep(
             arrowprops={"arrowstyle": "->", "color": style["color"], "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0},
         )
     _finish(ax, sweep.name, output, harmonic, per, decibels)
+    return ax
+
+
+def plot_resolved(
+    resolved: ResolvedBranch,
+    output: str,
+    *,
+    ax: Axes | None = None,
+    harmonic: int = 1,
+    per: str | None = None,
+    decibels: bool = False,
+) -> Axes:
+    """Draw the amplitude of one harmonic of an output, each point in the colour of its number of harmonics.
+
+    Points at which the tolerance was not met are crosses; those without a solution are left out.
+    """
+    ax = ax or _new_axes()
+    level = _level(resolved, output, harmonic, per, decibels)
+    ax.plot(resolved.parameter, level, color="0.6", linewidth=0.8, zorder=1)
+    numbers = resolved.n_harmonics
+    first, last = int(numbers.min()), int(numbers.max())
+    scale = ScalarMappable(Normalize(first - 0.5, last + 0.5), plt.get_cmap("viridis_r", last - first + 1))
+    for met, marker in ((resolved.reached, "o"), (~resolved.reached, "x")):
+        if met.any():
+            where, colours = (resolved.parameter[met], level[met]), scale.to_rgba(numbers[met])
+            ax.scatter(*where, color=colours, s=12, marker=marker, zorder=2)
+    ticks = range(first, last + 1, 1 + (last - first) // 8)
+    plt.colorbar(scale, ax=ax, label="number of harmonics", ticks=list(ticks))
+    _finish(ax, resolved.name, output, harmonic, per, decibels)
     return ax
 
 

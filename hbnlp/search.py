@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hbnlp.balance import HarmonicBalance
+from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.continuation import Continuation, PseudoArclength, StopContinuation, start_point
 from hbnlp.curves import LoadCurve
 from hbnlp.errors import ConvergenceError
@@ -16,6 +18,8 @@ from hbnlp.fourier import Array
 from hbnlp.newton import Newton
 from hbnlp.solution import Solution
 from hbnlp.solve import attempt, linear_guess, solve
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +72,8 @@ def find_all(
     at: Mapping[str, float] | None = None,
     method: Search | None = None,
     rng: np.random.Generator | None = None,
-    known: list[Solution] | None = None,
+    known: Sequence[Solution] = (),
+    callbacks: Callbacks = (),
 ) -> list[Solution]:
     """Return the solutions at one parameter point that a search finds, smallest first.
 
@@ -85,8 +90,11 @@ def find_all(
     method : Search, optional
     rng : numpy Generator, optional
         By default seeded with 0: the same call finds the same solutions.
-    known : list of Solution, optional
+    known : sequence of Solution
         Solutions at this point that are known already; they are among the result.
+    callbacks : sequence of callables
+        Called after each start with a `Progress`; one that raises `StopTracing` ends the search, as Ctrl-C does, with
+        the solutions found so far.
 
     References
     ----------
@@ -95,29 +103,37 @@ def find_all(
     options, rng = method or Search(), rng or np.random.default_rng(0)
     values = problem.values(at)
     found: list[Solution] = []
-    for solution in known or []:
-        _add(
-            found,
-            attempt(problem, values, problem.vector(solution.coefficients), options.newton, start="known"),
-            options,
-        )
-    with contextlib.suppress(ConvergenceError):
-        _add(found, solve(problem, at=at), options)
-    largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
-    reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
-    visited = 0
-    for _ in range(options.n_starts):
-        _run(problem, values, _random(problem, reference, options, rng), found, options, "random start")
-        while visited < len(found):
-            vector = problem.vector(found[visited].coefficients)
-            visited += 1
-            for crossing in _crossings_of_load(problem, values, vector, options):
-                _add(found, attempt(problem, values, crossing, options.newton, start="varied load"), options)
-            for _ in range(options.n_deflated):
-                nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
-                start = vector + nudge / np.sqrt(vector.size)
-                _run(problem, values, start, found, options, "deflation")
-    return sorted(found, key=lambda s: float(np.linalg.norm(s.coefficients)))
+    observers = Observers(callbacks, "searching", "start")
+
+    def result() -> list[Solution]:
+        return sorted(found, key=lambda s: float(np.linalg.norm(s.coefficients)))
+
+    try:
+        for solution in known:
+            vector = problem.vector(solution.coefficients)
+            _add(found, attempt(problem, values, vector, options.newton, start="known"), options)
+        with contextlib.suppress(ConvergenceError):
+            _add(found, solve(problem, at=at), options)
+        largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
+        reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
+        visited = 0
+        for start in range(options.n_starts):
+            _run(problem, values, _random(problem, reference, options, rng), found, options, "random start")
+            while visited < len(found):
+                vector = problem.vector(found[visited].coefficients)
+                visited += 1
+                for crossing in _crossings_of_load(problem, values, vector, options):
+                    _add(found, attempt(problem, values, crossing, options.newton, start="varied load"), options)
+                for _ in range(options.n_deflated):
+                    nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
+                    near = vector + nudge / np.sqrt(vector.size)
+                    _run(problem, values, near, found, options, "deflation")
+            observers.tell(start + 1, (start + 1) / options.n_starts, {"solutions": len(found)}, result)
+    except (KeyboardInterrupt, StopTracing) as stop:
+        logger.warning("the search was %s with %d solutions found", ended_by(stop), len(found))
+    solutions = result()
+    observers.finish(solutions)
+    return solutions
 
 
 def _run(

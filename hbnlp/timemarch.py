@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.callbacks import Callbacks, Observers, StopTracing
 from hbnlp.checks import real_number, whole_number
 from hbnlp.errors import ConvergenceError
 from hbnlp.firstorder import FirstOrderForm, Method, Window
@@ -99,7 +100,7 @@ def integrate(
     max_periods: int = 2000,
     periodic_tol: float = 1e-8,
     throw: bool = True,
-    progress: Callable[[int, float], object] | None = None,
+    callbacks: Callbacks = (),
 ) -> TimeResponse:
     """Integrate a system in time until its response repeats itself.
 
@@ -123,8 +124,9 @@ def integrate(
         larger of the values for displacements, velocities and lag states counts.
     throw : bool
         Whether a response that does not become periodic is an error.
-    progress : callable (n_periods, defect), optional
-        Called after each window.
+    callbacks : sequence of callables
+        Called after each window with a `Progress`, whose value is the change of the state over the window; one that
+        raises `StopTracing` ends the integration there.
 
     Returns
     -------
@@ -147,6 +149,7 @@ def integrate(
     check_limits(periods, max_periods, periodic_tol)
     values = system.parameters.values(at)
     state = initial_state(system, initial, values, periods)
+    observers = Observers(callbacks, "integrating", "change")
     response = settle(
         FirstOrderForm(system),
         values,
@@ -155,8 +158,9 @@ def integrate(
         periods=periods,
         max_periods=max_periods,
         periodic_tol=periodic_tol,
-        progress=progress,
+        observers=observers,
     )
+    observers.finish(response)
     if throw and not response.periodic:
         raise ConvergenceError(response.message, response)
     return response
@@ -178,26 +182,34 @@ def settle(
     periods: int,
     max_periods: int,
     periodic_tol: float,
-    progress: Callable[[int, float], object] | None = None,
+    observers: Observers | None = None,
 ) -> TimeResponse:
     """Integrate window by window until the state repeats itself, and return what there is then: see `integrate`."""
     propagate = method.propagator(form, form.pack(values), state, periods)
     defect_of = _Defect(form.system)
     defects: list[float] = []
     window = Window(state[None], 0.0)
+
+    def result() -> TimeResponse:
+        return respond(
+            form, values, method=method, periods=periods, periodic_tol=periodic_tol, window=window, defects=defects
+        )
+
     for _ in range(max_periods // periods):
         window = propagate(state)
         state = window.states[-1]
         if window.failed_at is not None:
             break
         defects.append(defect_of(window.states))
-        if progress:
-            progress(len(defects) * periods, defects[-1])
+        if observers is not None:
+            n_periods = len(defects) * periods
+            try:
+                observers.tell(defects[-1], n_periods / max_periods, {"periods": n_periods}, result)
+            except StopTracing:
+                break
         if defects[-1] <= periodic_tol:
             break
-    return respond(
-        form, values, method=method, periods=periods, periodic_tol=periodic_tol, window=window, defects=defects
-    )
+    return result()
 
 
 class _Defect:

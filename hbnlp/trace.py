@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import Branch, End
-from hbnlp.callbacks import Progress, StopTracing
+from hbnlp.callbacks import Callbacks, Observers, StopTracing
 from hbnlp.continuation import PseudoArclength
 from hbnlp.errors import TraceError
-from hbnlp.recording import Traced
 from hbnlp.solution import Solution
 from hbnlp.stability import Floquet
 from hbnlp.tracer import Tracer
@@ -34,7 +33,7 @@ def trace(
     away_from: Solution | None = None,
     stability: Floquet | None = DEFAULT_STABILITY,
     method: PseudoArclength | None = None,
-    callbacks: Sequence[Callable[[Progress], None]] = (),
+    callbacks: Callbacks = (),
     resume: Branch | None = None,
 ) -> Branch:
     """Trace a branch of periodic solutions in one parameter, through its folds, with special points and stability.
@@ -94,11 +93,13 @@ def trace(
         method=method,
         resume=resume,
     )
-    observed = _Observed(tracer, callbacks)
+    observers, reached = Observers(callbacks, f"tracing {name}", name), _Reached(tracer.span)
     end: End | None = None
     try:
         for traced in tracer:
-            observed.point(traced)
+            value = traced.point.parameter
+            counts = {"points": tracer.n_points, "folds": tracer.n_folds}
+            observers.tell(value, reached.at(value), counts, tracer.branch)
     except KeyboardInterrupt:
         end = End.INTERRUPTED
         logger.warning("interrupted after %d points; the branch keeps them and can be resumed", tracer.n_points)
@@ -106,61 +107,32 @@ def trace(
         end = End.STOPPED
     except Exception as error:
         branch = tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
-        observed.finished(branch)
+        observers.finish(branch)
         raise TraceError(
             f"the trace failed after {len(branch)} points, which the attribute 'branch' of this error keeps: {error}",
             branch,
         ) from error
     branch = tracer.branch(end)
-    observed.finished(branch)
+    observers.finish(branch)
     if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.MAX_POINTS):
         logger.warning("the trace ended at %s = %.8g: %s", name, branch.parameter[-1], branch.message)
     return branch
 
 
-class _Observed:
-    """What the callbacks are told."""
+class _Reached:
+    """The part of the span that a trace has reached, of its logarithm where the span covers more than a decade."""
 
-    def __init__(self, tracer: Tracer, callbacks: Sequence[Callable[[Progress], None]]) -> None:
-        self._tracer = tracer
-        self._callbacks = callbacks
-        self._fraction = 0.0
-        begin, end = tracer.span
-        self._logarithmic = min(begin, end) > 0.0 and max(begin, end) > 10.0 * min(begin, end)
-        self._value = begin
+    def __init__(self, span: tuple[float, float]) -> None:
+        self._span = span
+        self._logarithmic = min(span) > 0.0 and max(span) > 10.0 * min(span)
+        self.fraction = 0.0
 
-    def point(self, traced: Traced) -> None:
-        if self._callbacks:
-            self._value = traced.point.parameter
-            self._fraction = max(self._fraction, self._part(self._value))
-            self._tell(self._tracer.branch, done=False)
-
-    def finished(self, branch: Branch) -> None:
-        self._tell(lambda: branch, done=True)
-
-    def _tell(self, branch: Callable[[], Branch], *, done: bool) -> None:
-        tracer = self._tracer
-        progress = Progress(
-            name=tracer.name,
-            value=self._value,
-            fraction=self._fraction,
-            n_points=tracer.n_points,
-            n_folds=tracer.n_folds,
-            done=done,
-            branch=branch,
-        )
-        for callback in self._callbacks:
-            try:
-                callback(progress)
-            except Exception as error:
-                if not done:
-                    raise
-                # the trace has ended: the branch is returned, and the other callbacks hear of it, too
-                if not isinstance(error, StopTracing):
-                    logger.exception("a callback failed after the end of the trace")
-
-    def _part(self, value: float) -> float:
-        begin, end = self._tracer.span
+    def at(self, value: float) -> float:
+        """Return the largest part so far, this value included."""
+        begin, end = self._span
         if self._logarithmic:
-            return float(np.log(value / begin) / np.log(end / begin))
-        return (value - begin) / (end - begin)
+            part = float(np.log(value / begin) / np.log(end / begin))
+        else:
+            part = (value - begin) / (end - begin)
+        self.fraction = max(self.fraction, part)
+        return self.fraction

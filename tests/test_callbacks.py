@@ -1,4 +1,4 @@
-"""Observers of a trace: what they are told, the progress bar, and saving every so often."""
+"""Observers of traces, sweeps and searches: what they are told, the progress bar, and saving every so often."""
 
 import io
 import itertools
@@ -31,12 +31,12 @@ def told(problem, span, **options):
 
 def test_a_callback_sees_every_point_and_the_end(problem):
     seen, branch = told(problem, (0.5, 1.6))
-    assert [p.n_points for p in seen] == [*range(1, len(branch) + 1), len(branch)]
+    assert [p.counts["points"] for p in seen] == [*range(1, len(branch) + 1), len(branch)]
     np.testing.assert_array_equal([p.value for p in seen[:-1]], branch.parameter)
     assert [p.done for p in seen] == [False] * len(branch) + [True]
-    assert seen[-1].n_folds == 2
+    assert seen[-1].counts["folds"] == 2
     assert all(p.name == "omega" for p in seen)
-    assert [p.n_folds for p in seen] == sorted(p.n_folds for p in seen)
+    assert [p.counts["folds"] for p in seen] == sorted(p.counts["folds"] for p in seen)
 
 
 def test_the_fraction_rises_to_one_also_through_folds(problem):
@@ -59,9 +59,9 @@ def test_a_callback_may_take_all_points_so_far_as_a_branch(problem):
     lengths = []
 
     def look(progress):
-        branch = progress.branch()
+        branch = progress.result()
         check_branch(branch)
-        lengths.append((len(branch), progress.n_points))
+        lengths.append((len(branch), progress.counts["points"]))
 
     trace(problem, "omega", (0.5, 0.8), stability=None, callbacks=[look])
     assert all(a == b for a, b in lengths)
@@ -73,7 +73,7 @@ def test_several_callbacks_are_called_in_turn_and_each_may_stop_the_trace(proble
 
     def second(progress):
         calls.append("second")
-        if progress.n_points == 3 and not progress.done:
+        if progress.counts["points"] == 3 and not progress.done:
             raise StopTracing
 
     branch = trace(problem, "omega", (0.5, 1.6), callbacks=[lambda p: calls.append("first"), second], stability=None)
@@ -85,8 +85,8 @@ def test_several_callbacks_are_called_in_turn_and_each_may_stop_the_trace(proble
 def test_a_resumed_trace_counts_on(problem):
     branch = trace(problem, "omega", (0.5, 1.2), stability=None)
     seen, longer = told(problem, (0.5, 1.6), resume=branch)
-    assert seen[0].n_points == len(branch) + 1
-    assert seen[-1].n_points == len(longer)
+    assert seen[0].counts["points"] == len(branch) + 1
+    assert seen[-1].counts["points"] == len(longer)
 
 
 def test_the_progress_bar_names_the_parameter_counts_points_and_folds_and_ends_at_the_whole(problem):
@@ -112,7 +112,7 @@ def test_a_progress_bar_is_closed_when_the_trace_is_stopped_or_fails(problem):
     bar = ProgressBar(file=text)
 
     def stop(progress):
-        if progress.n_points == 4:
+        if progress.counts["points"] == 4:
             raise StopTracing
 
     trace(problem, "omega", (0.5, 1.6), stability=None, callbacks=[bar, stop])
@@ -151,7 +151,7 @@ def test_autosave_keeps_the_file_when_a_trace_is_stopped(problem, tmp_path):
     path = tmp_path / "branch.npz"
 
     def stop(progress):
-        if progress.n_points == 9:
+        if progress.counts["points"] == 9:
             raise StopTracing
 
     branch = trace(problem, "omega", (0.5, 1.6), stability=None, callbacks=[Autosave(path, seconds=3600.0), stop])
@@ -165,7 +165,7 @@ def test_autosave_keeps_the_file_and_the_bar_is_closed_when_a_trace_fails(proble
     path, text = tmp_path / "branch.npz", io.StringIO()
 
     def fail(progress):
-        if progress.n_points == 9:
+        if progress.counts["points"] == 9:
             raise RuntimeError("from a callback")
 
     callbacks = [fail, Autosave(path, seconds=3600.0), ProgressBar(file=text)]
@@ -193,7 +193,7 @@ def test_a_failure_to_save_is_logged_with_the_path(problem, tmp_path, caplog):
         trace(
             problem, "omega", (0.5, 0.7), stability=None, callbacks=[Autosave(tmp_path / "no" / "b.npz", seconds=1e-9)]
         )
-    assert "autosave failed, the trace goes on: " in caplog.text
+    assert "autosave failed, tracing omega goes on: " in caplog.text
     assert "b.npz" in caplog.text
 
 
@@ -204,6 +204,8 @@ def test_an_interval_that_is_not_positive_is_refused(seconds):
 
 
 def test_progress_is_a_frozen_record():
-    progress = Progress(name="omega", value=1.0, fraction=0.5, n_points=3, n_folds=0, done=False, branch=lambda: None)
+    progress = Progress(
+        task="tracing omega", name="omega", value=1.0, fraction=0.5, counts={}, done=False, result=lambda: None
+    )
     with pytest.raises(AttributeError):
         progress.value = 2.0

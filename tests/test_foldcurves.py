@@ -254,3 +254,22 @@ def test_a_fold_may_serve_a_problem_with_more_harmonics(fold):
     values = finer.values({"omega": curve.first[k]})
     again = fold_by_newton(finer, curve.coefficients[k].ravel(), values, "omega", Newton())
     assert again.y[-1] == pytest.approx(1.2696019555, rel=1e-10)
+
+
+def test_an_interrupted_curve_keeps_its_folds_and_says_so(problem, fold, caplog):
+    spans = {"first_span": (0.5, 3.0), "second_span": (0.05, 0.5)}
+    seen = []
+
+    def end(progress):
+        seen.append(progress)
+        if progress.counts["folds"] == 12 and not progress.done:
+            raise KeyboardInterrupt
+
+    whole = fold_curve(problem, fold, "omega", "force", **spans)
+    part = fold_curve(problem, fold, "omega", "force", callbacks=[end], **spans)
+    assert len(part) == 11
+    assert part.ends == ("interrupted", "interrupted")
+    assert "interrupted after 11 folds" in caplog.text
+    assert seen[-1].done
+    for first, second in zip(part.first, part.second, strict=True):
+        assert np.hypot(whole.first - first, whole.second - second).min() == 0.0

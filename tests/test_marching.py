@@ -69,11 +69,11 @@ def test_responses_that_do_not_settle_are_kept_and_marked():
 
 
 def test_an_interrupt_keeps_what_there_is_and_says_so():
-    def stop(done, total):
-        if done == total - 1:
+    def stop(progress):
+        if progress.counts["values"] == 2 and not progress.done:
             raise KeyboardInterrupt
 
-    sweep = short_sweep(progress=stop)
+    sweep = short_sweep(callbacks=[stop])
     assert not sweep.complete
     assert "interrupted after 2 of 3" in sweep.message
     whole = short_sweep()
@@ -83,11 +83,11 @@ def test_an_interrupt_keeps_what_there_is_and_says_so():
 
 
 def test_an_error_of_the_callback_is_the_callers():
-    def fail(done, total):
-        raise ValueError(f"{done} of {total}")
+    def fail(progress):
+        raise ValueError(f"a third is {progress.fraction:.3f}")
 
-    with pytest.raises(ValueError, match="1 of 3"):
-        short_sweep(progress=fail)
+    with pytest.raises(ValueError, match=r"a third is 0\.333"):
+        short_sweep(callbacks=[fail])
 
 
 def test_a_sweep_ends_where_the_response_diverges():

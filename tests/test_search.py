@@ -153,3 +153,19 @@ def test_names_values_and_options_are_checked():
             Search(**options)
     with pytest.raises(TypeError, match="starts"):
         Search(starts=3)
+
+
+def test_an_interrupted_search_returns_what_it_found_and_says_so(caplog):
+    problem, seen = HarmonicBalance(duffing(), 3), []
+
+    def end(progress):
+        seen.append(progress)
+        if progress.value == 2 and not progress.done:
+            raise KeyboardInterrupt
+
+    found = find_all(problem, at={"omega": 1.2}, callbacks=[end])
+    check_solutions(problem, found)
+    assert f"the search was interrupted with {len(found)} solutions found" in caplog.text
+    assert [p.value for p in seen] == [1, 2, 2]
+    assert seen[-1].result() == found
+    assert seen[-1].fraction == 2 / 40

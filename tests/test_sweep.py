@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 
 from hbnlp.balance import HarmonicBalance
+from hbnlp.callbacks import Autosave, StopTracing
 from hbnlp.errors import SaveError
 from hbnlp.integrators import Adaptive, RungeKutta4
 from hbnlp.newton import Newton
+from hbnlp.newtonmarch import Sweep
 from hbnlp.solve import solve
-from hbnlp.sweep import Sweep, sweep
+from hbnlp.sweep import sweep
 from hbnlp.system import System
 from hbnlp.systems import duffing, tuned_absorber
 from hbnlp.testing import check_branch
@@ -174,3 +176,45 @@ def test_bad_arguments_are_refused(problem):
 def test_an_unknown_output_is_refused(marched):
     with pytest.raises(KeyError, match=r"unknown output 'y' \(known: x\)"):
         marched[1].harmonics("y")
+
+
+def test_a_sweep_tells_its_progress_and_its_jumps(problem):
+    seen = []
+    result = sweep(problem, "omega", OMEGAS, callbacks=[seen.append])
+    assert [p.counts["values"] for p in seen] == [*range(1, len(result) + 1), len(result)]
+    assert seen[-1].counts["jumps"] == 1
+    assert [p.done for p in seen] == [False] * len(result) + [True]
+    np.testing.assert_allclose([p.fraction for p in seen[:-1]], np.arange(1, len(result) + 1) / len(result))
+    assert seen[-1].result() is result
+    assert seen[3].result().parameter.size == len(result)
+    assert result.complete
+
+
+@pytest.mark.parametrize(("stop", "word"), [(KeyboardInterrupt(), "interrupted"), (StopTracing(), "stopped by")])
+def test_a_sweep_that_ends_early_keeps_what_it_has_and_can_be_gone_on_with(problem, tmp_path, caplog, stop, word):
+    def end(progress):
+        if progress.counts["values"] == 60 and not progress.done:
+            raise stop
+
+    whole = sweep(problem, "omega", OMEGAS)
+    part = sweep(problem, "omega", OMEGAS, callbacks=[end, Autosave(tmp_path / "sweep.npz")])
+    assert not part.complete
+    assert part.message.startswith(word)
+    assert "after 60 of 100 values; go on from start=sweep.coefficients[-1]" in part.message
+    assert part.message in caplog.text
+    np.testing.assert_array_equal(part.coefficients, whole.coefficients[:60])
+    assert Sweep.load(tmp_path / "sweep.npz").message == part.message
+    rest = sweep(problem, "omega", OMEGAS[60:], start=part.coefficients[-1])
+    np.testing.assert_allclose(rest.coefficients, whole.coefficients[60:], atol=1e-9)
+    assert len(part.jumps) + len(rest.jumps) == 1
+
+
+def test_a_sweep_interrupted_at_once_is_empty(problem, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hbnlp.newtonmarch.solve", interrupted)
+    part = sweep(problem, "omega", OMEGAS)
+    assert len(part) == 0
+    assert part.coefficients.shape == (0, *problem.shape)
+    assert "0 values, 0 converged" in repr(part)

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hbnlp.callbacks import StopTracing
 from hbnlp.errors import ConvergenceError
 from hbnlp.firstorder import FirstOrderForm
 from hbnlp.fourier import to_real
@@ -183,13 +184,23 @@ def test_a_force_that_depends_on_nothing_is_not_forgotten():
     assert integrate(system, at={"omega": 1.0}).harmonics("x")[0] == pytest.approx(1.5, rel=1e-7)
 
 
+def test_an_integration_can_be_stopped_by_a_callback():
+    def stop(progress):
+        if progress.counts["periods"] == 3:
+            raise StopTracing
+
+    response = integrate(oscillator(0.4, 1.0), at={"omega": 1.0}, callbacks=[stop], throw=False)
+    assert response.n_periods == 3
+    assert not response.periodic
+
+
 def test_a_response_says_what_it_is_and_reports_its_progress():
     seen = []
-    response = integrate(
-        oscillator(0.4, 1.0), at={"omega": 1.0}, progress=lambda n_periods, defect: seen.append((n_periods, defect))
-    )
-    assert [n for n, _ in seen] == list(range(1, response.n_periods + 1))
-    np.testing.assert_array_equal([defect for _, defect in seen], response.defects)
+    response = integrate(oscillator(0.4, 1.0), at={"omega": 1.0}, callbacks=[seen.append])
+    assert [p.counts["periods"] for p in seen[:-1]] == list(range(1, response.n_periods + 1))
+    np.testing.assert_array_equal([p.value for p in seen[:-1]], response.defects)
+    assert seen[-1].done
+    assert seen[-1].result() is response
     assert len(repr(response).splitlines()) <= 5
     assert "periodic after" in repr(response)
     assert response.parameters == {"omega": 1.0}

@@ -571,7 +571,7 @@ def test_a_branch_of_another_system_with_the_same_names_is_not_resumed(problem):
 
 def raising_at(count, error):
     def callback(progress):
-        if progress.n_points == count and not progress.done:
+        if progress.counts["points"] == count and not progress.done:
             raise error
 
     return callback
@@ -709,7 +709,7 @@ def test_autosave_on_a_path_that_cannot_be_written_is_logged_and_the_trace_goes_
     with caplog.at_level(logging.WARNING):
         traced = trace(problem, "omega", (0.5, 1.6), callbacks=[Autosave(path, seconds=1e-9)])
     assert_same(traced, branch)
-    assert caplog.text.count("autosave failed, the trace goes on") >= 2
+    assert caplog.text.count("autosave failed, tracing omega goes on") >= 2
     assert str(path) in caplog.text
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 
 import hbnlp
 from hbnlp.curves import ParameterCurve
@@ -66,7 +67,7 @@ def test_every_point_meets_the_tolerance_normal_to_the_branch_also_at_folds(duff
     reference = hbnlp.HarmonicBalance(duffing, n_harmonics=35)
     assert len(set(resolved.n_harmonics)) > 2
     for i in range(0, len(resolved), 5):
-        solution = resolved.solutions[i]
+        solution = resolved.solution(i)
         ends = [branch.coefficients[k].ravel() for k in (max(i - 1, 0), min(i + 1, len(branch) - 1))]
         change = branch.parameter[min(i + 1, len(branch) - 1)] - branch.parameter[max(i - 1, 0)]
         curve = ParameterCurve(reference, reference.values(solution.parameters), "omega", 0.03)
@@ -77,6 +78,42 @@ def test_every_point_meets_the_tolerance_normal_to_the_branch_also_at_folds(duff
         assert exact.converged
         error = np.linalg.norm(exact.y[:-1] - guess[:-1]) / np.linalg.norm(guess[:-1])
         assert error < 1.5 * tolerance
+
+
+def test_a_resolved_branch_is_padded_with_zeros_saved_and_drawn(branch, tmp_path):
+    resolved = hbnlp.resolve_harmonics(branch, 1e-3)
+    size = resolved.n_harmonics.max()
+    assert resolved.coefficients.shape == (len(branch), 1, 2 * size + 1)
+    assert resolved.harmonics("x").shape == (len(branch), size + 1)
+    poorest = int(np.argmin(resolved.n_harmonics))
+    solution = resolved.solution(poorest)
+    assert solution.n_harmonics == resolved.n_harmonics[poorest] < size
+    assert not resolved.coefficients[poorest, :, solution.coefficients.shape[1] :].any()
+    assert hbnlp.truncation_error(solution) < 5e-3
+    assert hbnlp.floquet(solution).converged
+    resolved.save(tmp_path / "resolved.npz")
+    again = hbnlp.ResolvedBranch.load(tmp_path / "resolved.npz")
+    assert repr(again) == repr(resolved)
+    np.testing.assert_array_equal(again.coefficients, resolved.coefficients)
+    assert again.solution(3).parameters == resolved.solution(3).parameters
+    ax = again.plot("x")
+    drawn = np.vstack([np.asarray(points.get_offsets()) for points in ax.collections])
+    expected = np.column_stack([resolved.parameter, abs(resolved.harmonics("x")[:, 1])])
+    np.testing.assert_allclose(drawn, expected)
+    plt.close("all")
+
+
+def test_an_interrupt_keeps_the_points_resolved_so_far(branch, caplog):
+    def stop(progress):
+        if progress.counts["points"] == 7 and not progress.done:
+            raise KeyboardInterrupt
+
+    resolved = hbnlp.resolve_harmonics(branch, 1e-3, callbacks=[stop])
+    assert len(resolved) == 7
+    assert resolved.message == f"interrupted after 7 of {len(branch)} points"
+    assert resolved.message in caplog.text
+    whole = hbnlp.resolve_harmonics(branch, 1e-3)
+    np.testing.assert_array_equal(resolved.truncation_error, whole.truncation_error[:7])
 
 
 def test_too_few_harmonics_are_said_not_hidden(branch):
