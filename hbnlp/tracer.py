@@ -60,6 +60,7 @@ class Tracer:
         self.end: End | None = None
         self._records: list[Traced] = []
         self._resumed = resume
+        self._n_folds = len(resume.folds) if resume is not None else 0
         self._evaluator: FloquetEvaluator | None = None
         if stability is not None:
             self._evaluator = FloquetEvaluator(problem.system, problem.periods, problem.n_harmonics, stability)
@@ -91,13 +92,11 @@ class Tracer:
     def __iter__(self) -> Iterator[Traced]:
         """Yield the points of the trace, the first included unless it was resumed."""
         if not self._records and self._resumed is None:
-            self._records.append(self._record(self._stepper.point, ()))
-            yield self._records[-1]
+            yield self._kept(self._record(self._stepper.point, ()))
         while self.end is None:
             traced = self._next()
             if traced is not None:
-                self._records.append(traced)
-                yield traced
+                yield self._kept(traced)
 
     @property
     def n_points(self) -> int:
@@ -106,9 +105,8 @@ class Tracer:
 
     @property
     def n_folds(self) -> int:
-        """Folds so far."""
-        new = sum(p.kind is Kind.FOLD for r in self._records for p in r.special_points)
-        return new + (len(self._resumed.folds) if self._resumed is not None else 0)
+        """Folds so far, those resumed from included."""
+        return self._n_folds
 
     def branch(self, end: End | None = None, message: str = "") -> Branch:
         """Return all points so far."""
@@ -147,6 +145,11 @@ class Tracer:
             self.end = End.CLOSED
         elif after.parameter in self.span:
             self.end = End.SPAN_END if after.parameter == self.span[1] else End.SPAN_START
+        return traced
+
+    def _kept(self, traced: Traced) -> Traced:
+        self._records.append(traced)
+        self._n_folds += sum(point.kind is Kind.FOLD for point in traced.special_points)
         return traced
 
     def _record(self, point: Point, special_points: tuple[SpecialPoint, ...]) -> Traced:
