@@ -42,7 +42,7 @@ for ax, values, way in ((axes[0], omega, "up"), (axes[1], omega[::-1], "down")):
     ax.set_ylabel(r"$|C_L| \,/\, |\alpha''|$ (dB)")
 
 colours = plt.cm.ScalarMappable(plt.Normalize(0.0, 11.0), "viridis")
-figure.colorbar(colours, ax=axes[:2], label=r"$\alpha_2$ (degrees)", boundaries=np.arange(0.25, 10.3, 0.5), aspect=40)
+figure.colorbar(colours, ax=axes[:2], label=r"$\alpha_2$ (degrees)", ticks=range(1, 11), aspect=40)
 
 # %%
 # Towards the linear response.
