@@ -65,7 +65,7 @@ def grid_response(cells: int) -> hbnlp.aero.FrequencyResponse:
     )
 
 
-def grid_rom(cells: int) -> hbnlp.aero.Identification:
+def grid_rom(cells: int) -> hbnlp.aero.RationalFit:
     """ROM of a grid: eight common poles, 0.4 % at the lowest frequencies and 0.1 % above."""
     return hbnlp.aero.identify(grid_response(cells), tolerance=5e-3, most_poles=10)
 

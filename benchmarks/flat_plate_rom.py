@@ -18,7 +18,7 @@ import numpy as np
 from hbnlp.aero.flat_plate import MOST_MODES, POLES_KIND
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification import PoleFit, reduce_to_band, vector_fit
-from hbnlp.aero.identification.report import Identification, provenance, rom_from_poles
+from hbnlp.aero.identification.report import RationalFit, provenance, rom_from_poles
 from hbnlp.aero.rom import AeroROM
 from hbnlp.storage import save_arrays
 
@@ -65,7 +65,7 @@ def main() -> None:
         started = time.perf_counter()
         rom = with_error(reduce_to_band(full, block, n_lags=n_lags, known=(1,)), block)
         rom.save(DATA / f"flat_plate_re100_{n_modes}modes.npz")
-        report = Identification(rom=rom, response=block, band=BAND, n_poles=fit.poles.size)
+        report = RationalFit(rom=rom, response=block, band=BAND, n_poles=fit.poles.size)
         report.plot().savefig(options.pictures / f"fit_{n_modes}modes.png", dpi=90)
         summary[f"{n_modes} modes"] = {
             "lag_states_full": full.n_lags,

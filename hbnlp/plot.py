@@ -17,7 +17,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
-from hbnlp.aero.identification import Identification
+from hbnlp.aero.identification import RationalFit
 from hbnlp.aeroelastic import LiftResponse, decibels
 from hbnlp.branch import Branch, Kind
 from hbnlp.foldcurves import FoldBranch, FoldEvent
@@ -239,7 +239,7 @@ def _finish(ax: Axes, parameter: str, output: str, harmonic: int, per: str | Non
         ax.legend(frameon=False)
 
 
-def plot_identification(fit: Identification) -> Figure:
+def plot_rational_fit(fit: RationalFit) -> Figure:
     """Draw data (points) against fit (lines), a panel a motion, and the relative error of the columns in the last.
 
     A load is drawn as ``|G - G(0)| / omega``, which shows low and high frequencies alike.

@@ -12,7 +12,6 @@ BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TEXTS = (ROOT / "README.md", *sorted(ROOT.glob("docs/*.md")))
 PAGES = [page for page in TEXTS if BLOCK.search(page.read_text(encoding="utf-8"))]
 SLOW = {"dns"}
-NEEDS_AN_EXTRA = {"linear_flow": "ngsolve"}
 
 
 def script_of(page):
@@ -31,8 +30,6 @@ def script_of(page):
     [pytest.param(page, marks=pytest.mark.slow if page.stem in SLOW else (), id=page.stem) for page in PAGES],
 )
 def test_blocks_of_a_page_run_in_order(page, tmp_path, monkeypatch):
-    if page.stem in NEEDS_AN_EXTRA:
-        pytest.importorskip(NEEDS_AN_EXTRA[page.stem])
     monkeypatch.chdir(tmp_path)
     try:
         exec(compile(script_of(page), os.fspath(page), "exec"), {"__name__": "__main__"})  # noqa: S102  our own pages

@@ -43,15 +43,20 @@ def lift_response(rom, c_T, omega):
 
 
 @pytest.mark.parametrize(("full", "tolerance"), [(False, 0.02), (True, 0.005)])
-@pytest.mark.parametrize("n_modes", [1, 5, 10, 20])
+@pytest.mark.parametrize("n_modes", [1, 3, 5, 10, 15, 20])
 def test_every_column_is_fitted_over_the_band(response, n_modes, full, tolerance):
     inside = response.truncated(n_modes).band(0.03, 100.0)
     rom = flat_plate_re100(n_modes, full=full)
-    # the norm is that of the ten (or twenty) modes that were fitted: leading blocks have smaller columns
-    fitted = response.truncated(10 if n_modes <= 10 and not full else 20).band(0.03, 100.0)
-    difference = np.linalg.norm(rom.transfer(1j * inside.omega) - inside.values, axis=1)
-    norm = np.linalg.norm(fitted.values, axis=1)[:, : n_modes + 2]
-    assert (difference / norm).max() < tolerance
+    assert inside.column_errors(rom.transfer(1j * inside.omega)).max() < min(tolerance, 1.01 * rom.provenance.fit_error)
+
+
+def test_the_response_is_converged_over_the_band(response):
+    """By order, mesh and domain, all columns: the three together are below the 0.2 % asked for."""
+    estimates = response.provenance["error_estimates"]
+    assert set(estimates) == {"order", "mesh", "domain"}
+    probes = [omega for omega in estimates["order"] if 0.029 < float(omega) < 100.0]
+    assert len(probes) == 5
+    assert max(sum(of[omega] for of in estimates.values()) for omega in probes) < 2e-3
 
 
 def test_the_default_has_at_most_sixty_lag_states_for_ten_modes():
@@ -90,17 +95,29 @@ def test_the_added_mass_tends_to_the_inviscid_one(response):
 
 
 @pytest.mark.parametrize("full", [False, True])
-@pytest.mark.parametrize("n_modes", [10, 20])
+@pytest.mark.parametrize("n_modes", [1, 3, 5, 10, 15, 20])
 def test_the_added_mass_of_the_membrane_is_positive(n_modes, full):
     block = -flat_plate_re100(n_modes, full=full).mass[1:, 2:]
     assert np.linalg.eigvalsh(0.5 * (block + block.T)).min() > 0.0
 
 
 @pytest.mark.parametrize("full", [False, True])
-@pytest.mark.parametrize("c_T", [0.5, 0.7, 1.0, 2.0, 4.0, 20.0, 100.0, 400.0])
-def test_the_wing_is_linearly_stable(c_T, full):
-    growth = np.linalg.eigvals(wing_matrix(flat_plate_re100(full=full), c_T)).real.max()
-    assert growth < 0.0
+@pytest.mark.parametrize("n_modes", [3, 5, 10, 15, 20])
+def test_the_wing_is_linearly_stable(n_modes, full):
+    rom = flat_plate_re100(n_modes, full=full)
+    for c_T in (0.5, 0.7, 1.0, 2.0, 4.0, 20.0, 100.0, 400.0):
+        assert np.linalg.eigvals(wing_matrix(rom, c_T)).real.max() < 0.0
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_one_mode_alone_diverges_at_low_tension(full):
+    """Where its static stiffness vanishes, at c_T = K_11/pi^2 = 0.507; more modes are stable there."""
+    rom = flat_plate_re100(1, full=full)
+    limit = rom.stiffness[1, 2] / np.pi**2
+    assert limit == pytest.approx(0.507, abs=5e-4)
+    for c_T in (1.01 * limit, 1.0, 20.0, 400.0):
+        assert np.linalg.eigvals(wing_matrix(rom, c_T)).real.max() < 0.0
+    assert np.linalg.eigvals(wing_matrix(rom, 0.99 * limit)).real.max() > 0.0
 
 
 @pytest.mark.parametrize("full", [False, True])

@@ -3,7 +3,7 @@
 from hbnlp.aero.flat_plate import flat_plate_re100, flat_plate_re100_response
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification import (
-    Identification,
+    RationalFit,
     Realisation,
     ShortRecordWarning,
     balanced_truncation,
@@ -18,8 +18,8 @@ from hbnlp.aero.theodorsen import theodorsen_transfer, thin_airfoil
 __all__ = [
     "AeroROM",
     "FrequencyResponse",
-    "Identification",
     "Provenance",
+    "RationalFit",
     "Realisation",
     "ShortRecordWarning",
     "balanced_truncation",

@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Identification:
+class RationalFit:
     """A ROM with the data that it was fitted to.
 
     Attributes
@@ -58,10 +58,10 @@ class Identification:
         return float(self.errors.max())
 
     def plot(self) -> Figure:
-        """Draw data against fit, an input a panel; see `hbnlp.plot.plot_identification`."""
-        from hbnlp.plot import plot_identification
+        """Draw data against fit, an input a panel; see `hbnlp.plot.plot_rational_fit`."""
+        from hbnlp.plot import plot_rational_fit
 
-        figure: Figure = plot_identification(self)
+        figure: Figure = plot_rational_fit(self)
         return figure
 
     def __repr__(self) -> str:
@@ -69,7 +69,7 @@ class Identification:
         worst = self.errors.max(axis=0)
         column = int(worst.argmax())
         return (
-            f"Identification: {self.n_poles} poles, {self.rom.n_lags} lag states\n"
+            f"RationalFit: {self.n_poles} poles, {self.rom.n_lags} lag states\n"
             f"  largest relative error of a column {worst[column]:.2e} ({names[column]}), "
             f"band {self.band[0]:g} to {self.band[1]:g}"
         )
@@ -84,7 +84,7 @@ def identify(
     damping: Mapping[int, Array] | None = None,
     most_poles: int = 40,
     least_damping: float = 1e-6,
-) -> Identification:
+) -> RationalFit:
     """Identify a ROM: as few common poles as reach the tolerance, then, if asked, as few lag states as given.
 
     The static value is exact, the lag states are stable by construction.
@@ -107,7 +107,7 @@ def identify(
 
     Returns
     -------
-    Identification
+    RationalFit
         Its ``error`` is what was reached, which a warning of the log says if it is above the tolerance.
 
     Raises
@@ -138,7 +138,7 @@ def identify(
         rom = reduce_to_band(rom, inside, n_lags=n_lags, known=tuple(damping or ()))
         error = float(inside.column_errors(rom.transfer(1j * inside.omega)).max())
         rom = _with_provenance(rom, provenance(response, band=band, error=error))
-    return Identification(rom=rom, response=response, band=band, n_poles=fit.poles.size)
+    return RationalFit(rom=rom, response=response, band=band, n_poles=fit.poles.size)
 
 
 def rom_from_poles(fit: PoleFit, response: FrequencyResponse, *, band: tuple[float, float], error: float) -> AeroROM:

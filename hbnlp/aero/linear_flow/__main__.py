@@ -13,26 +13,32 @@ from tqdm import tqdm
 from hbnlp.aero.linear_flow.campaign import Case, run_campaign
 from hbnlp.aero.linear_flow.extra import require_ngsolve
 from hbnlp.aero.linear_flow.mesh import MeshSettings
+from hbnlp.errors import HbnlpError
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return 0, or 130 after an interrupt."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    mesh = MeshSettings(domain=options.domain, plate=options.plate, wake=options.wake, edge=options.edge)
-    case = Case(
-        reynolds=options.reynolds, incidence=np.deg2rad(options.incidence), n_modes=options.modes, order=options.order,
-        mesh=mesh,
-    )  # fmt: skip
+    if options.frequencies < 1 or not 0.0 < options.lowest <= options.highest:
+        parser.error("give at least one frequency, and 0 < lowest <= highest; the static response is always computed")
+    if not all(probe > 0.0 for probe in options.probes):
+        parser.error("probes must be above zero; the static response is always among them")
     omega = np.geomspace(options.lowest, options.highest, options.frequencies)
-    probes = omega[np.linspace(0, omega.size - 1, min(options.probes, omega.size)).astype(int)]
+    probes = np.unique([omega[np.abs(np.log(omega / probe)).argmin()] for probe in options.probes])
     try:
+        case = Case(
+            reynolds=options.reynolds, incidence=float(np.deg2rad(options.incidence)), n_modes=options.modes,
+            order=options.order,
+            mesh=MeshSettings(domain=options.domain, plate=options.plate, wake=options.wake, edge=options.edge),
+        )  # fmt: skip
         require_ngsolve()
         run_campaign(options.path, case=case, omega=omega, probes=probes.tolist(), progress=_bar)
     except KeyboardInterrupt:
         logging.getLogger(__name__).warning("interrupted; the same command resumes, finished frequencies are kept")
         return 130
-    except ImportError as error:
+    except (HbnlpError, ImportError, ValueError) as error:
         logging.getLogger(__name__).error("%s", error)  # noqa: TRY400 - the message is all that helps
         return 1
     return 0
@@ -59,7 +65,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--lowest", type=float, default=0.01, help="lowest frequency, U/c")
     parser.add_argument("--highest", type=float, default=1000.0, help="highest frequency, U/c")
     parser.add_argument("--frequencies", type=int, default=75, help="number of frequencies, evenly spaced in log")
-    parser.add_argument("--probes", type=int, default=0, help="frequencies at which to estimate the error (slow)")
+    parser.add_argument(
+        "--probes", type=float, nargs="+", default=[], metavar="OMEGA",
+        help="estimate the error by order, mesh and domain at the frequencies nearest to these (slow)",
+    )  # fmt: skip
     return parser
 
 

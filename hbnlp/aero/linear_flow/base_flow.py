@@ -134,9 +134,9 @@ def steady_flow(
         logger.info("base flow: Newton correction %d is %.2e", len(corrections), corrections[-1])
         if len(corrections) > 20 or not np.isfinite(corrections[-1]) or corrections[-1] > 1e3:
             raise ConvergenceError(
-                f"the steady flow at Re = {reynolds:g}, incidence {incidence:g} rad was not found "
+                f"the steady flow at Re = {reynolds:g}, incidence {np.rad2deg(incidence):g} degrees was not found "
                 f"(correction {corrections[-1]:.1e} after {len(corrections)} steps); "
-                "refine the mesh or lower the Reynolds number",
+                "refine the mesh, or lower the Reynolds number or the incidence",
                 tuple(corrections),
             )
     with ng.TaskManager():

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.linear_flow.base_flow import steady_flow
 from hbnlp.aero.linear_flow.direct import solver_name
-from hbnlp.aero.linear_flow.extra import require_ngsolve
 from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
 from hbnlp.aero.linear_flow.response import LinearResponse
 from hbnlp.errors import HbnlpError
@@ -30,7 +29,8 @@ EQUATIONS = (
     "Taylor-Hood elements on triangles, loads by the reaction of the plate"
 )
 Progress = Callable[[Iterable[float]], Iterable[float]]
-SHEDDING = (1.0j, 3.0j, 6.0j)
+# where unstable eigenvalues are looked for: close together where the stable wake is close to the axis
+SHEDDING = (0.3 + 0.7j, 0.3 + 1.1j, 0.3 + 1.5j, 0.3 + 2.0j, 0.3 + 3.0j, 0.3 + 5.0j)
 _PART = "finished frequency of a campaign"
 
 
@@ -73,7 +73,6 @@ class Case:
         ImportError
             If NGSolve is not installed.
         """
-        require_ngsolve()
         mesh = (half_mesh if self.incidence == 0.0 else slit_mesh)(self.mesh, incidence=self.incidence)
         flow = steady_flow(mesh, reynolds=self.reynolds, incidence=self.incidence, order=self.order)
         return LinearResponse(flow, n_modes=self.n_modes)
@@ -128,7 +127,9 @@ def run_campaign(
     ValueError
         If a frequency is not positive, a probe is not among them, or the folder belongs to another case.
     UnsteadyFlowError
-        If the steady flow is unstable; seen are eigenvalues near the frequencies of vortex shedding, `SHEDDING`.
+        If the steady flow has an unstable eigenvalue near the frequencies of vortex shedding, `SHEDDING`.
+    hbnlp.errors.ConvergenceError
+        If the steady flow is not found.
     ImportError
         If NGSolve is not installed.
     """
@@ -141,12 +142,12 @@ def run_campaign(
     if strange:
         raise ValueError(f"probes {strange} are not among the frequencies; choose some of omega")
     folder = Path(f"{os.fspath(path)}.parts")
-    values, facts = _compute(folder / "main", case, frequencies, progress)
+    values, facts = _compute(folder / "main", case, frequencies, progress, refuse_unsteady=True)
     static, dynamic = values[0].real, values[1:]
     estimates: dict[str, dict[str, float]] = {}
     for name, variation in case.variations().items() if len(probes) else ():
         at = np.asarray(sorted(probes), dtype=float)
-        other, _ = _compute(folder / name, variation, at, progress)
+        other, _ = _compute(folder / name, variation, at, progress, refuse_unsteady=False)
         reference = np.concatenate([values[:1], dynamic[np.searchsorted(frequencies, at)]])
         difference = _column_difference(reference, other)
         estimates[name] = {f"{w:g}": float(d) for w, d in zip((0.0, *at), difference, strict=True)}
@@ -155,6 +156,7 @@ def run_campaign(
         provenance={
             "source": f"{EQUATIONS}; Re = {case.reynolds:g}, incidence {case.incidence:g} rad, order {case.order}",
             **asdict(case), **facts, "error_estimates": estimates,
+            "no_unstable_eigenvalue_near": [[near.real, near.imag] for near in SHEDDING],
         },
     )  # fmt: skip
     response.save(path)
@@ -171,7 +173,7 @@ def _column_difference(reference: NDArray[np.complex128], other: NDArray[np.comp
 
 
 def _compute(
-    folder: Path, case: Case, omega: NDArray[np.float64], progress: Progress
+    folder: Path, case: Case, omega: NDArray[np.float64], progress: Progress, *, refuse_unsteady: bool
 ) -> tuple[NDArray[np.complex128], dict[str, Any]]:
     """Return G at 0 and at ``omega``, (1 + m, N+1, N+2), and the facts of the run; finished parts are read back."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -180,9 +182,9 @@ def _compute(
     missing = [w for w in wanted if not _part(folder, w).exists()]
     if missing:
         response = case.response()
-        least_stable = _least_stable(response, case)
+        if refuse_unsteady:
+            _refuse_unsteady(response, case)
         facts = {
-            "least_stable": [least_stable.real, least_stable.imag],
             "drag": response.drag,
             "base_load": response.base_load.tolist(),
             "unknowns": response.unknowns,
@@ -196,17 +198,20 @@ def _compute(
     return np.array(parts), json.loads((folder / "facts.json").read_text())
 
 
-def _least_stable(response: LinearResponse, case: Case) -> complex:
-    """Return the rightmost eigenvalue of the flow among those near the frequencies of vortex shedding."""
-    values = np.concatenate([response.eigenvalues(shift) for shift in SHEDDING])
-    rightmost = complex(values[values.real.argmax()])
-    if rightmost.real >= 0.0:
-        raise UnsteadyFlowError(
-            f"the steady flow at Re = {case.reynolds:g}, incidence {case.incidence:g} rad is unstable: it has the "
-            f"eigenvalue {rightmost:.4g}. Lower the Reynolds number or the incidence",
-            rightmost,
-        )
-    return rightmost
+def _refuse_unsteady(response: LinearResponse, case: Case) -> None:
+    logger.info("base flow: looking for unstable eigenvalues")
+    for near in SHEDDING:
+        values = response.eigenvalues(near)
+        unstable = values[values.real > 0.0]
+        if unstable.size:
+            rightmost = complex(unstable[unstable.real.argmax()])
+            raise UnsteadyFlowError(
+                f"the steady flow at Re = {case.reynolds:g}, incidence {np.rad2deg(case.incidence):g} degrees is "
+                f"unstable (eigenvalue {rightmost:.4g}): the fluid sheds vortices, and its response is not that about "
+                "the steady flow. Lower the Reynolds number or the incidence, or compute the unsteady flow with "
+                "hbnlp.dns",
+                rightmost,
+            )
 
 
 def _check_same_case(file: Path, case: Case) -> None:
@@ -215,7 +220,8 @@ def _check_same_case(file: Path, case: Case) -> None:
         file.write_text(json.dumps(settings))
     elif json.loads(file.read_text()) != settings:
         raise ValueError(
-            f"{str(file.parent)!r} belongs to the case {file.read_text()}; resume that, or remove the folder"
+            f"{str(file.parent)!r} belongs to another case, {file.read_text()}; "
+            "resume that one, write to another file, or remove the folder"
         )
 
 

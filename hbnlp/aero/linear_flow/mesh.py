@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbnlp.aero.linear_flow.extra import require_ngsolve
+
 if TYPE_CHECKING:
     import ngsolve
 
@@ -62,7 +64,13 @@ def half_mesh(settings: MeshSettings, *, incidence: float = 0.0) -> ngsolve.Mesh
 
     Boundaries are named ``upper`` (the plate, 0 <= x <= 1), ``axis`` (y = 0 off the plate), ``inlet``, ``top`` and
     ``outlet``. The wake is refined along the direction of a stream at ``incidence`` (rad) to the plate.
+
+    Raises
+    ------
+    ImportError
+        If NGSolve is not installed.
     """
+    require_ngsolve()
     import ngsolve
     from netgen.geom2d import SplineGeometry
     from netgen.meshing import MeshingParameters
