@@ -185,7 +185,7 @@ class HarmonicBalance:
         count, n_out = points.shape[0], len(self.system.output_names)
         if n_out == 0:
             return np.zeros((count, 0, self.n_harmonics + 1), dtype=complex)
-        columns = np.array(self.output_function.map(count)(points.T, parameters.T))
+        columns = self.output_function.map(count)(points.T, parameters.T).full()
         return to_complex(columns.reshape(n_out, count, self.shape[1]).transpose(1, 0, 2))
 
     # -- building blocks --------------------------------------------------------------------------------------------

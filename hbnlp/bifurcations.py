@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from scipy.linalg import eig
 from scipy.optimize import linear_sum_assignment
 
 from hbnlp.branch import Kind, SpecialPoint
 from hbnlp.continuation import Continuation, Point, locate
 from hbnlp.curves import ParameterCurve
 from hbnlp.folds import fold_by_newton, fold_sensitivity, left_null_vector
-from hbnlp.fourier import ComplexArray
+from hbnlp.fourier import Array, ComplexArray, to_complex
 from hbnlp.newton import Newton
 from hbnlp.solution import make_solution
-from hbnlp.stability import FloquetEvaluator, FloquetResult
+from hbnlp.stability import NEGLIGIBLE, FloquetEvaluator, FloquetResult
+from hbnlp.system import System
 
 Multipliers = Callable[[Point], FloquetResult]
 
@@ -172,7 +175,38 @@ def _pair_test(at: Multipliers, pairs: int) -> Callable[[Point], float]:
 
 
 def with_multiplier(point: SpecialPoint, evaluator: FloquetEvaluator) -> SpecialPoint:
-    """Return a fold or branch point with its Floquet multiplier nearest to +1."""
-    result = evaluator(point.solution.coefficients, np.array(list(point.solution.parameters.values())))
-    critical = result.multipliers[np.argmin(np.abs(result.multipliers - 1.0))]
-    return dataclasses.replace(point, multiplier=complex(critical))
+    """Return a fold or branch point with the Floquet multiplier that belongs to it: +1 but for the truncation.
+
+    At a fold or branch point of the equations of motion the null vector of the balance is a periodic solution of the
+    linearised equations, an eigenvector of the monodromy matrix. The multiplier is that of the eigenvector which the
+    null vector's state, expanded in eigenvectors, holds most of; the one nearest to +1 may be that of a slow lag state.
+    """
+    solution = point.solution
+    assert solution.problem is not None
+    values = np.array(list(solution.parameters.values()))
+    result = evaluator(solution.coefficients, values)
+    if not np.isfinite(result.monodromy).all():
+        return point
+    jacobian = solution.problem.assembly.jacobian(solution.coefficients.ravel(), values)
+    null = np.linalg.svd(jacobian)[2][-1].reshape(solution.problem.shape)
+    rate = solution.omega / solution.periods
+    state = _periodic_state(evaluator.system, to_complex(null), rate)
+    decomposition: Any = eig(result.monodromy, left=True, right=True)
+    found, left, right = decomposition
+    matters = np.abs(found) > NEGLIGIBLE
+    left, right = left[:, matters], right[:, matters]
+    shares = np.abs(left.conj().T @ state) / np.maximum(np.abs(np.sum(left.conj() * right, axis=0)), 1e-300)
+    n = evaluator.system.n_dof
+    sizes = np.hypot(np.linalg.norm(right[:n], axis=0), np.linalg.norm(right[n : 2 * n], axis=0) / rate)
+    critical = found[matters][np.argmax(shares * sizes)]
+    nearest = result.multipliers[np.argmin(np.abs(result.multipliers - critical))]
+    return dataclasses.replace(point, multiplier=complex(nearest))
+
+
+def _periodic_state(system: System, amplitudes: ComplexArray, rate: float) -> Array:
+    """Return the state (q, q', x) at theta = 0 of a periodic solution of the linearised equations."""
+    s = 1j * rate * np.arange(amplitudes.shape[1])
+    drive = (system.lag_input @ (s**2 * amplitudes)).T[1:]
+    resolvents = s[1:, None, None] * np.eye(system.n_lags) - system.lag_state
+    lags = np.linalg.solve(resolvents, drive[..., None])[..., 0].real.sum(axis=0)
+    return np.concatenate([amplitudes.real.sum(axis=1), (s * amplitudes).real.sum(axis=1), lags])

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbnlp.balance import HarmonicBalance
+from hbnlp.checks import counted
 from hbnlp.crossing import solution_between
 from hbnlp.curves import ParameterCurve
 from hbnlp.fourier import Array, ComplexArray
@@ -39,7 +40,7 @@ class End(enum.Enum):
     """Why a branch ends."""
 
     SPAN_END = "reached the end of the span"
-    SPAN_START = "came back to the start of the span"
+    SPAN_START = "reached the start of the span"
     CLOSED = "closed on itself"
     MAX_POINTS = "reached max_points; resume it, with a larger max_points"
     STEP_TOO_SMALL = (
@@ -67,13 +68,14 @@ class SpecialPoint:
     index : int
         Number of the branch's point before it.
     refined : bool
-        Whether it was solved for; if not, value and solution are those of the nearer end of the bracket.
+        Whether it was solved for; if not, value and solution are those of the branch's point after it.
     solution : Solution
     null : array (n_dof, 2H+1) or None
-        Null vector of the Jacobian at a fold; second tangent direction at a branch point; for a Floquet bifurcation the
-        displacement part of the critical mode is found by `hbnlp.switch_branch`.
+        Null vector of the Jacobian at a fold; second tangent direction at a branch point; None at the others.
     multiplier : complex or None
-        The critical Floquet multiplier, where one was computed.
+        The critical Floquet multiplier, where stability was computed. At a fold or branch point it belongs to the null
+        vector of the balance, and is +1 but for the harmonics that are left out: far from it, the point is one of the
+        truncated equations alone.
     sensitivity : dict
         At a fold: derivative of its value by every other parameter, from the left null vector.
     """
@@ -206,18 +208,26 @@ class Branch:
             raise ValueError("a branch from a file has no problem to be solved with; trace or resume it with its own")
         values = np.array([self.parameters.get(name, np.nan) for name in self.parameter_names])
         curve = ParameterCurve(self.problem, values, self.name, 0.01 * abs(self.span[1] - self.span[0]))
+        curve.solution_floor = max(1e-3 * self._largest, curve.solution_floor)
         points = np.column_stack([self.coefficients.reshape(len(self), -1), self.parameter])
         turns = [fold for fold in self.folds if fold.refined]
         turning = [np.append(fold.solution.coefficients.ravel(), fold.value) for fold in turns]
         points = np.insert(points, [fold.index + 1 for fold in turns], turning, axis=0) if turns else points
+        if self.closed:
+            points[-1] = points[0]  # the same but for round-off, and counted once
         ahead = points[:, -1] - value
         found = []
-        for i in range(len(points)):
+        for i in range(len(points) - self.closed):
             if ahead[i] == 0.0:
                 found.append(make_solution(self.problem, points[i, :-1], curve.values(points[i])))
             elif i + 1 < len(points) and ahead[i] * ahead[i + 1] < 0.0:
                 found.append(solution_between(curve, points[i], points[i + 1], float(value)))
         return tuple(found)
+
+    @property
+    def _largest(self) -> float:
+        """Size of the largest solution: a branch may begin at rest, where nothing can be measured relative to it."""
+        return float(np.linalg.norm(self.coefficients, axis=(1, 2)).max(initial=0.0))
 
     def of_kind(self, kind: Kind) -> tuple[SpecialPoint, ...]:
         """Return the special points of one kind, in branch order."""
@@ -266,14 +276,17 @@ class Branch:
         save_arrays(path, _KIND, arrays, metadata)
 
     def __repr__(self) -> str:
-        low, high = (float(f(self.parameter)) for f in (np.min, np.max))
-        counts = ", ".join(f"{len(self.of_kind(kind))} {kind.value}s" for kind in Kind if self.of_kind(kind)) or "none"
+        extent = "no points"
+        if len(self):
+            first, last, low, high = self.parameter[0], self.parameter[-1], self.parameter.min(), self.parameter.max()
+            extent = f"{self.name} from {first:.6g} to {last:.6g}, within [{low:.6g}, {high:.6g}]"
+        counts = ", ".join(counted(len(self.of_kind(k)), k.value) for k in Kind if self.of_kind(k)) or "none"
         stability = "not computed"
         if self.stable is not None:
             stability = f"{np.count_nonzero(self.stable)} stable, {np.count_nonzero(~self.stable)} unstable points"
         return (
-            f"Branch of {self.system_name!r}: {len(self)} points, {self.n_harmonics} harmonics\n"
-            f"  {self.name} from {self.parameter[0]:.6g} to {self.parameter[-1]:.6g}, within [{low:.6g}, {high:.6g}]\n"
+            f"Branch of {self.system_name!r}: {counted(len(self), 'point')}, {counted(self.n_harmonics, 'harmonic')}\n"
+            f"  {extent}\n"
             f"  special points: {counts}\n"
             f"  stability: {stability}\n"
             f"  end: {self.message}"

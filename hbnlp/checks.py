@@ -41,3 +41,8 @@ def real_number(
     if not math.isfinite(number) or number <= above or number < least:
         raise ValueError(f"{name} is {value!r}; give {accepted}")
     return number
+
+
+def counted(number: int, what: str) -> str:
+    """Return "1 fold", "2 folds"."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

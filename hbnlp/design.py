@@ -220,8 +220,8 @@ class Program:
         box[: len(over.names)] = over.limits / over.scale[:, None]
         (lbx, ubx), (lbg, ubg) = box.T, self._limits.T
         answer = self._solver(x0=x0, p=given, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
-        y, g, multipliers = (np.array(answer[key]).ravel() for key in ("x", "g", "lam_g"))
-        states = [np.array(e).ravel() for e in self._states.call([y, given])]
+        y, g, multipliers = (answer[key].full().ravel() for key in ("x", "g", "lam_g"))
+        states = [e.full().ravel() for e in self._states.call([y, given])]
         points = list(zip((r.problem for r in self.responses), states[::2], states[1::2], strict=True))
         stats, message = self._solver.stats(), "converged"
         if not stats["success"]:

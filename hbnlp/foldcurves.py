@@ -19,6 +19,7 @@ from hbnlp.continuation import Continuation, Point, PseudoArclength, StopContinu
 from hbnlp.errors import ConvergenceError
 from hbnlp.folds import FoldCurve
 from hbnlp.fourier import Array
+from hbnlp.interrupts import guarded
 from hbnlp.newton import Newton, correct
 from hbnlp.storage import load_arrays, save_arrays
 
@@ -225,7 +226,7 @@ def fold_curve(
     observers = Observers(callbacks, f"following a fold in {first} and {second}", second)
     try:
         for side, sign in zip(sides[::-1], (1.0, -1.0), strict=True):
-            for _ in _follow(side, curve, sign * unit, spans, options):
+            for _ in guarded(_follow(side, curve, sign * unit, spans, options)):
                 counts = {"folds": sum(len(s.points) for s in sides), "events": sum(len(s.events) for s in sides)}
                 observers.tell(side.points[-1][-1], 0.5 * sum(bool(s.end) for s in sides), counts, result)
             if side.end == _CLOSED:

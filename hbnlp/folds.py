@@ -116,8 +116,8 @@ def fold_by_program(
     }
     solver = ca.nlpsol("fold", "ipopt", program, ipopt.options())
     answer = solver(x0=np.append(x, values[index]), p=values, lbg=0.0, ubg=0.0)
-    y = np.array(answer["x"]).ravel()
-    multiplier = np.array(answer["lam_g"]).ravel()
+    y = answer["x"].full().ravel()
+    multiplier = answer["lam_g"].full().ravel()
     stats = solver.stats()
     at = values.copy()
     at[index] = y[-1]

@@ -143,5 +143,5 @@ class Identification:
     def _row(self, solution: Solution) -> tuple[float, Array]:
         """Return the amplitude of a fitted response, and its derivatives by the variables."""
         values = np.array(list(solution.parameters.values()))
-        amplitude, a_x, a_p, r_x, r_p = (np.array(e) for e in self._slopes(solution.coefficients.ravel(), values))
+        amplitude, a_x, a_p, r_x, r_p = (e.full() for e in self._slopes(solution.coefficients.ravel(), values))
         return float(amplitude[0, 0]), (a_p[0] - np.linalg.solve(r_x.T, a_x[0]) @ r_p)[self._chosen]

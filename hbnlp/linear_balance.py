@@ -246,9 +246,10 @@ class LinearBalance:
         """Return matrices and coefficients of forcing and motion at the parameter values."""
         key = values[self._fixed].tobytes()
         if key != self._key:
+            self._key = None  # an interrupt on the way leaves nothing that looks whole
             matrices, signals = self._functions
             forcing, motion = signals(self._tau, self._repeated(values))
-            numbers = [np.array(e) for e in matrices(values)]
+            numbers = [e.full() for e in matrices(values)]
             self._laws = Laws._make([*numbers, self._coefficients(forcing), self._coefficients(motion)])
             every = np.full(self._laws.mass.shape, bool(self.lags.n_lags))
             used = every | (self._laws.stiffness != 0.0) | (self._laws.damping != 0.0) | (self._laws.mass != 0.0)
@@ -264,7 +265,7 @@ class LinearBalance:
             matrices, signals = self._slope_functions
             unit = (np.arange(values.size) == index).astype(float)
             forcing, motion = signals(self._tau, self._repeated(values), self._repeated(unit))
-            numbers = [np.array(e) for e in matrices(values, unit)]
+            numbers = [e.full() for e in matrices(values, unit)]
             self._slopes[index] = Laws._make([*numbers, self._coefficients(forcing), self._coefficients(motion)])
         return self._slopes[index]
 
@@ -293,7 +294,7 @@ class LinearBalance:
         return np.repeat(column[:, None], self.excitation_basis.n_samples, axis=1)
 
     def _coefficients(self, samples: ca.DM) -> Array:
-        return np.asarray(np.array(samples) @ self.excitation_basis.projection.T)
+        return np.asarray(samples.full() @ self.excitation_basis.projection.T)
 
 
 def _summed(weights: ComplexArray, residues: ComplexArray) -> ComplexArray:

@@ -76,7 +76,7 @@ def linear_response(
 
 def _first(basis: FourierBasis, samples: ca.DM) -> ComplexArray:
     """Return the first-harmonic amplitudes of signals sampled along the columns."""
-    return to_complex(np.array(samples) @ basis.projection.T)[:, 1]
+    return to_complex(samples.full() @ basis.projection.T)[:, 1]
 
 
 def _output_slopes(system: System, index: int) -> ca.Function:

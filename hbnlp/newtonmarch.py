@@ -15,9 +15,10 @@ from hbnlp.balance import HarmonicBalance
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.errors import ConvergenceError
 from hbnlp.fourier import Array, ComplexArray
+from hbnlp.interrupts import interrupts_kept
 from hbnlp.newton import Newton
 from hbnlp.parameters import unknown_name
-from hbnlp.solution import Solution
+from hbnlp.solution import Solution, guess_for
 from hbnlp.solve import attempt, solve
 from hbnlp.storage import load_arrays, save_arrays
 
@@ -163,10 +164,10 @@ class NewtonMarch:
         self._index = problem.system.parameters.index(name)
         self._rows: list[Solution | None] = []
         self._jumps: list[tuple[int, float, float]] = []
-        if start is None or isinstance(start, Solution):
-            self._last = start
-        else:
-            near = attempt(problem, self._parameters(marched[0]), problem.vector(start), method, start="given")
+        self._last: Solution | None = None
+        if start is not None:
+            begin = start.parameters[name] if isinstance(start, Solution) else marched[0]
+            near = attempt(problem, self._parameters(begin), guess_for(problem, start), method, start="given")
             self._last = near if near.converged else None
         self._last_value = self._last.parameters[name] if self._last is not None else marched[0]
 
@@ -177,7 +178,8 @@ class NewtonMarch:
         ending = f"all {marched.size} values reached"
         try:
             for value in marched:
-                self._advance(value)
+                with interrupts_kept():
+                    self._advance(value)
                 counts = {"values": len(rows), "jumps": len(self._jumps)}
                 observers.tell(value, len(rows) / marched.size, counts, self._sweep)
         except (KeyboardInterrupt, StopTracing) as stop:

@@ -69,7 +69,7 @@ def locate_peak(
         lbg=0.0,
         ubg=0.0,
     )
-    y = np.array(answer["x"]).ravel()
+    y = answer["x"].full().ravel()
     statistics = solver.stats()
     values[position] = y[-1]
     record: dict[str, float | str] = {"method": "Ipopt", "iterations": int(statistics["iter_count"])}

@@ -39,7 +39,13 @@ def make_branch(
     """Return the branch of all records, those of ``resumed`` first."""
     columns = _columns(records, problem, parameters, name)
     points = tuple(special for record in records for special in record.special_points)
-    if resumed is not None:
+    if resumed is not None and not records:
+        columns, points, refused = (
+            {key: getattr(resumed, key) for key in columns},
+            resumed.special_points,
+            resumed.refused,
+        )
+    elif resumed is not None:
         shift = float(resumed.arclength[-1])
         columns["arclength"] = columns["arclength"] + shift
         for key, column in columns.items():

@@ -16,6 +16,7 @@ from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.checks import real_number, whole_number
 from hbnlp.curves import ParameterCurve
 from hbnlp.fourier import Array, ComplexArray
+from hbnlp.interrupts import interrupts_kept
 from hbnlp.newton import Newton, correct
 from hbnlp.parameters import unknown_name
 from hbnlp.solution import Solution, Status, make_solution
@@ -183,7 +184,8 @@ def resolve_harmonics(
     ending = f"all {len(branch)} points of the branch"
     try:
         for i in range(len(branch)):
-            rows.append(resolver.point(i, max(least, rows[-1].n_harmonics - 1) if rows else least))
+            with interrupts_kept():
+                rows.append(resolver.point(i, max(least, rows[-1].n_harmonics - 1) if rows else least))
             counts = {"points": len(rows), "harmonics": rows[-1].n_harmonics}
             observers.tell(rows[-1].parameter, len(rows) / len(branch), counts, result)
     except (KeyboardInterrupt, StopTracing) as stop:

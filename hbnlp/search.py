@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +15,9 @@ from hbnlp.continuation import Continuation, PseudoArclength, StopContinuation, 
 from hbnlp.curves import LoadCurve
 from hbnlp.errors import ConvergenceError
 from hbnlp.fourier import Array
+from hbnlp.interrupts import guarded
 from hbnlp.newton import Newton
-from hbnlp.solution import Solution
+from hbnlp.solution import Solution, guess_for
 from hbnlp.solve import attempt, linear_guess, solve
 
 logger = logging.getLogger(__name__)
@@ -29,7 +30,8 @@ class Search:
     Parameters
     ----------
     n_starts : int
-        Random starts; each harmonic h is drawn with a standard deviation of ``amplitude / h**2``.
+        Random starts, after the neighbourhoods of what is known and of a cold start. Each harmonic h is drawn with a
+        standard deviation of ``amplitude / h**2``.
     amplitudes : (float, float)
         Range of that amplitude, drawn log-uniformly, relative to the solution that a cold start finds.
     n_deflated : int
@@ -109,31 +111,45 @@ def find_all(
         return sorted(found, key=lambda s: float(np.linalg.norm(s.coefficients)))
 
     try:
-        for solution in known:
-            vector = problem.vector(solution.coefficients)
-            _add(found, attempt(problem, values, vector, options.newton, start="known"), options)
-        with contextlib.suppress(ConvergenceError):
-            _add(found, solve(problem, at=at), options)
-        largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
-        reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
-        visited = 0
-        for start in range(options.n_starts):
-            _run(problem, values, _random(problem, reference, options, rng), found, options, "random start")
-            while visited < len(found):
-                vector = problem.vector(found[visited].coefficients)
-                visited += 1
-                for crossing in _crossings_of_load(problem, values, vector, options):
-                    _add(found, attempt(problem, values, crossing, options.newton, start="varied load"), options)
-                for _ in range(options.n_deflated):
-                    nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
-                    near = vector + nudge / np.sqrt(vector.size)
-                    _run(problem, values, near, found, options, "deflation")
-            observers.tell(start + 1, (start + 1) / options.n_starts, {"solutions": len(found)}, result)
+        for start in guarded(_attempts(problem, values, at, found, known, options, rng)):
+            observers.tell(start, start / max(options.n_starts, 1), {"solutions": len(found)}, result)
     except (KeyboardInterrupt, StopTracing) as stop:
         logger.warning("the search was %s with %d solutions found", ended_by(stop), len(found))
     solutions = result()
     observers.finish(solutions)
     return solutions
+
+
+def _attempts(
+    problem: HarmonicBalance,
+    values: Array,
+    at: Mapping[str, float] | None,
+    found: list[Solution],
+    known: Sequence[Solution],
+    options: Search,
+    rng: np.random.Generator,
+) -> Iterator[int]:
+    """Add to what is found: around the known solutions and a cold start, then from one random start after another."""
+    for solution in known:
+        _add(found, attempt(problem, values, guess_for(problem, solution), options.newton, start="known"), options)
+    with contextlib.suppress(ConvergenceError):
+        _add(found, solve(problem, at=at), options)
+    largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
+    reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
+    visited = 0
+    for start in range(options.n_starts + 1):
+        if start > 0:
+            _run(problem, values, _random(problem, reference, options, rng), found, options, "random start")
+        while visited < len(found):
+            vector = problem.vector(found[visited].coefficients)
+            visited += 1
+            for crossing in _crossings_of_load(problem, values, vector, options):
+                _add(found, attempt(problem, values, crossing, options.newton, start="varied load"), options)
+            for _ in range(options.n_deflated):
+                nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
+                near = vector + nudge / np.sqrt(vector.size)
+                _run(problem, values, near, found, options, "deflation")
+        yield start
 
 
 def _run(

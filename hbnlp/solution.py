@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance import HarmonicBalance
-from hbnlp.fourier import Array, ComplexArray, basis_derivatives, basis_values, to_real
+from hbnlp.fourier import Array, ComplexArray, basis_derivatives, basis_values, stretch, to_real
 from hbnlp.parameters import unknown_name
 
 
@@ -100,7 +100,9 @@ class Solution:
                 "a solution from a file has no problem to evaluate expressions with; solve it again from there"
             )
         function = ca.Function("expression", [self.problem.x, self.problem.p], [ca.densify(expression)])
-        return np.array(function(self.coefficients.ravel(), np.array(list(self.parameters.values())))).squeeze()
+        return np.asarray(
+            function(self.coefficients.ravel(), np.array(list(self.parameters.values()))).full().squeeze()
+        )
 
     def _at(self, t: ArrayLike) -> Array:
         return basis_values(self.omega / self.periods * np.asarray(t, dtype=float), self.n_harmonics)
@@ -145,3 +147,21 @@ def make_solution(
         statistics={"samples": problem.n_samples, **(statistics or {})},
         problem=problem,
     )
+
+
+def guess_for(problem: HarmonicBalance, near: Solution | ArrayLike) -> Array:
+    """Return a solution of the same or of fewer periods, or coefficients (n_dof, any odd number), as unknowns.
+
+    Raises
+    ------
+    ValueError
+        If the problem's periods are no multiple of the solution's, or the coefficients have another shape.
+    """
+    if not isinstance(near, Solution):
+        return problem.vector(near)
+    factor, rest = divmod(problem.periods, near.periods)
+    if rest or not factor:
+        raise ValueError(
+            f"the solution has {near.periods} period(s) and the problem {problem.periods}; a divisor is needed"
+        )
+    return problem.vector(stretch(near.coefficients, factor))

@@ -17,7 +17,7 @@ from hbnlp.curves import LoadCurve
 from hbnlp.errors import ConvergenceError, NonFiniteError
 from hbnlp.fourier import Array
 from hbnlp.newton import Correction, Newton, correct
-from hbnlp.solution import Solution, Status, make_solution
+from hbnlp.solution import Solution, Status, guess_for, make_solution
 
 ALIASING_TOL = 1e-9
 """More samples of the force must not move the residual by more than this, relative to its terms."""
@@ -136,7 +136,7 @@ def solve(
     if not isinstance(method, Newton | Ipopt | Rootfinder):
         raise TypeError(f"method is {method!r}; Newton(), Ipopt() or Rootfinder() is needed")
     if guess is not None:
-        start = problem.vector(guess.coefficients if isinstance(guess, Solution) else guess)
+        start = guess_for(problem, guess)
         if not np.all(np.isfinite(start)):
             raise ValueError("the guess has entries that are not finite; give finite coefficients")
         solution = attempt(problem, values, start, method, start="guess")
@@ -258,9 +258,9 @@ def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Metho
     solver = _compiled(problem, method)
     if isinstance(method, Ipopt):
         answer = solver(x0=guess, p=values, lbg=0.0, ubg=0.0)
-        x = np.array(answer["x"]).ravel()
+        x = answer["x"].full().ravel()
     else:
-        x = np.array(solver(guess, values)).ravel()
+        x = solver(guess, values).full().ravel()
     statistics = solver.stats()
     with np.errstate(all="ignore"):
         size = max(problem.assembly.term_size(x, values), float(np.finfo(float).tiny))

@@ -208,7 +208,7 @@ class System:
 
     def state_matrices(self, values: Array) -> tuple[Array, Array, Array, Array]:
         """Return M, D, K and L_x as numbers at the parameter values (ordered, n_parameters)."""
-        mass, damping, stiffness, lag_output = (np.array(e) for e in self.matrices(values)[:4])
+        mass, damping, stiffness, lag_output = (e.full() for e in self.matrices(values)[:4])
         return mass, damping, stiffness, lag_output
 
     def linearisation(self, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None) -> Array:
@@ -220,7 +220,7 @@ class System:
         values = np.nan_to_num(self.parameters.values(at, but=("omega",)))
         mass, damping, stiffness, lag_output = self.state_matrices(values)
         q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
-        force_q, force_v = (np.array(e) for e in self._force_tangent(q0, np.zeros(self.n_dof), 0.0, values))
+        force_q, force_v = (e.full() for e in self._force_tangent(q0, np.zeros(self.n_dof), 0.0, values))
         if not np.all(np.isfinite(force_q)) or not np.all(np.isfinite(force_v)):
             raise NonFiniteError("the derivative of nonlinear_force is not finite at rest; smooth it there")
         n, m = self.n_dof, self.n_lags
@@ -276,7 +276,7 @@ class System:
             function = ca.Function("signal", [self.tau, self.q, self.v, self.p], [ca.densify(expression)])
             state = rng.uniform(-1.0, 1.0, (2, self.n_dof))
             for tau in rng.uniform(0.0, 2.0 * np.pi, 4):
-                now, later = (np.array(function(tau + lapse, *state, values)) for lapse in (0.0, 2.0 * np.pi))
+                now, later = (function(tau + lapse, *state, values).full() for lapse in (0.0, 2.0 * np.pi))
                 if np.max(np.abs(later - now)) > 1e-6 * np.max(np.abs(now)):
                     raise ValueError(
                         f"{what} is not 2 pi-periodic in tau = omega t (at tau = {tau:.3g} it is {now.ravel()}, a "

@@ -59,7 +59,7 @@ def _check_residuals(branch: Branch, problem: HarmonicBalance, tol: float) -> No
     # a branch may begin or end at rest, where there are no terms to compare with
     sizes = np.maximum(sizes, max(1e-9 * sizes.max(), 1e-300))
     for solution, (x, values), size in zip(solutions, points, sizes, strict=True):
-        residual = np.abs(np.array(problem.residual(x, values))).max()
+        residual = np.abs(problem.residual(x, values).full()).max()
         assert residual <= tol * size, (
             f"residual {residual:.2e} at {branch.name} = {solution.parameters[branch.name]:g}"
         )

@@ -15,11 +15,9 @@ from hbnlp.continuation import PseudoArclength
 from hbnlp.errors import TraceError
 from hbnlp.solution import Solution
 from hbnlp.stability import Floquet
-from hbnlp.tracer import Tracer
+from hbnlp.tracer import DEFAULT_STABILITY, Tracer
 
 logger = logging.getLogger(__name__)
-
-DEFAULT_STABILITY = Floquet()
 
 
 def trace(
@@ -46,7 +44,8 @@ def trace(
     span : (float, float)
         Where to begin and where to end; a branch that comes back to its beginning ends there, and says so.
     at : mapping, optional
-        Values of the other parameters; with a ``start``, of any.
+        Values of the other parameters. One of the continuation parameter itself, within the span, is where a cold start
+        is made, or a ``start`` is solved again.
     start : Solution or array (n_dof, 2H+1), optional
         Where to begin within the span. By default a cold start at ``span[0]``, see `hbnlp.solve`.
     direction : 1 or -1

@@ -14,14 +14,18 @@ from hbnlp.bifurcations import branch_point, crossings, floquet_bifurcation, ref
 from hbnlp.branch import Branch, End, Kind, SpecialPoint
 from hbnlp.continuation import Continuation, Point, PseudoArclength, Stop, StopContinuation, finish, start_point
 from hbnlp.curves import ParameterCurve
-from hbnlp.fourier import Array, stretch
+from hbnlp.fourier import Array
+from hbnlp.interrupts import interrupts_kept
 from hbnlp.linear_stability import check_linear_stability
 from hbnlp.recording import Traced, make_branch
-from hbnlp.solution import Solution
+from hbnlp.solution import Solution, guess_for
 from hbnlp.solve import linear_guess, samples_suffice, solve
 from hbnlp.stability import Floquet, FloquetEvaluator, FloquetResult
 
 RESUMABLE_RESIDUAL = 1e-6
+SOLVED = 1e-9
+"""A start whose residual is below this part of its terms is a solution, also at a fold, where Newton's method fails."""
+DEFAULT_STABILITY = Floquet()
 
 
 class Tracer:
@@ -45,7 +49,7 @@ class Tracer:
         start: Solution | ArrayLike | None = None,
         direction: int = 1,
         away_from: Solution | None = None,
-        stability: Floquet | None = None,
+        stability: Floquet | None = DEFAULT_STABILITY,
         method: PseudoArclength | None = None,
         resume: Branch | None = None,
     ) -> None:
@@ -68,7 +72,7 @@ class Tracer:
         if direction not in (1, -1):
             raise ValueError(f"direction = {direction!r}; 1 (towards the end of the span) or -1 is needed")
         if resume is not None:
-            _check_resumable(problem, name, at, resume)
+            _check_resumable(problem, name, at, resume, stability)
             at, start = resume.parameters, resume.solution(len(resume) - 1)
         first, self._values = self._first(at, start)
         self._curve = self._new_curve()
@@ -78,12 +82,17 @@ class Tracer:
         if resume is not None and len(resume) > 1:
             heading = first - np.append(resume.coefficients[-2].ravel(), resume.parameter[-2])
         elif away_from is not None:
-            heading = first - np.append(_over_its_periods(problem, away_from), away_from.parameters[name])
+            heading = first - np.append(guess_for(problem, away_from), away_from.parameters[name])
         point = start_point(self._curve, first, heading)
         self._stepper = Continuation(self._curve, point, self.options)
         self._origin = point
         if resume is not None:
             self._resume_from(resume)
+        elif self._leaves(point):
+            raise ValueError(
+                f"the start lies at {name} = {point.parameter:g}, an end of the span {self.span}, and the way first "
+                "taken leads out of it: turn the direction round, or widen the span"
+            )
         else:
             parameters = problem.system.parameters
             if not ca.depends_on(problem.system.force, problem.system.tau):
@@ -94,7 +103,8 @@ class Tracer:
         if not self._records and self._resumed is None:
             yield self._kept(self._record(self._stepper.point, ()))
         while self.end is None:
-            traced = self._next()
+            with interrupts_kept():
+                traced = self._next()
             if traced is not None:
                 yield self._kept(traced)
 
@@ -131,6 +141,9 @@ class Tracer:
             return None
         before = self._stepper.point
         low, high = sorted(self.span)
+        if self._leaves(before):
+            self.end = End.SPAN_END if before.parameter == self.span[1] else End.SPAN_START
+            return None
         try:
             after = self._stepper.advance((low, high))
         except StopContinuation as stop:
@@ -146,6 +159,12 @@ class Tracer:
         elif after.parameter in self.span:
             self.end = End.SPAN_END if after.parameter == self.span[1] else End.SPAN_START
         return traced
+
+    def _leaves(self, point: Point) -> bool:
+        """Return whether a point is on an end of the span and its tangent leads out."""
+        begin, end = self.span
+        outward = {begin: begin - end, end: end - begin}.get(point.parameter, 0.0)
+        return bool(point.tangent[-1] * outward > 0.0)
 
     def _kept(self, traced: Traced) -> Traced:
         self._records.append(traced)
@@ -225,10 +244,16 @@ class Tracer:
         low, high = sorted(self.span)
         if not low <= given[self.name] <= high:
             raise ValueError(f"the start has {self.name} = {given[self.name]:g}, outside the span {self.span}")
+        values = parameters.values(given)
+        if isinstance(start, Solution):
+            x = guess_for(self.problem, start)
+            residual = float(np.max(np.abs(self.problem.assembly.residual(x, values))))
+            solved = residual <= SOLVED * self.problem.assembly.term_size(x, values)
+            if solved and samples_suffice(self.problem, x, values):
+                return np.append(x, values[index]), values
         found = solve(self.problem, at=given, guess=start)
         assert found.problem is not None
         self.problem = found.problem
-        values = parameters.values(given)
         return np.append(found.coefficients.ravel(), values[index]), values
 
     def _new_curve(self) -> ParameterCurve:
@@ -243,6 +268,8 @@ class Tracer:
         return max(1e-6 * size, float(np.finfo(float).tiny)) if size > 0.0 else 1.0
 
     def _resume_from(self, resume: Branch) -> None:
+        if resume.end is End.CLOSED:
+            self.end = End.CLOSED
         last = np.append(resume.coefficients[-1].ravel(), resume.parameter[-1])
         size = max(self._curve.term_size(last), float(np.finfo(float).tiny))
         residual = float(np.max(np.abs(self._curve.residual(last)))) / size
@@ -256,16 +283,6 @@ class Tracer:
             self._stepper.step = float(np.clip(step, self.options.min_step, self.options.max_step))
             first, second = (np.append(resume.coefficients[i].ravel(), resume.parameter[i]) for i in (0, 1))
             self._origin = start_point(self._curve, first, second - first)
-
-
-def _over_its_periods(problem: HarmonicBalance, solution: Solution) -> Array:
-    """Return a solution of the same or of fewer periods as unknowns of the problem."""
-    factor, rest = divmod(problem.periods, solution.periods)
-    if rest or not factor:
-        raise ValueError(
-            f"away_from has {solution.periods} period(s) and the problem {problem.periods}; a divisor is needed"
-        )
-    return problem.vector(stretch(solution.coefficients, factor))
 
 
 def _checked_span(problem: HarmonicBalance, name: str, span: tuple[float, float]) -> tuple[float, float]:
@@ -286,7 +303,12 @@ def _checked_span(problem: HarmonicBalance, name: str, span: tuple[float, float]
     return begin, end
 
 
-def _check_resumable(problem: HarmonicBalance, name: str, at: Mapping[str, float] | None, branch: Branch) -> None:
+def _check_resumable(
+    problem: HarmonicBalance, name: str, at: Mapping[str, float] | None, branch: Branch, stability: Floquet | None
+) -> None:
+    if (branch.multipliers is None) != (stability is None):
+        how, give = ("without", "stability=None") if branch.multipliers is None else ("with", "stability=Floquet()")
+        raise ValueError(f"the branch was traced {how} multipliers: resume it with {give}, or trace it anew")
     if branch.name != name:
         raise ValueError(f"the branch was traced in {branch.name!r}, not in {name!r}; resume it in the same parameter")
     shape = branch.coefficients.shape[1:]

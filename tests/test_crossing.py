@@ -70,3 +70,23 @@ def test_stability_needs_a_solution_that_converged_and_its_problem(branch):
         hbnlp.floquet(dataclasses.replace(solution, status=hbnlp.Status.NOT_CONVERGED))
     with pytest.raises(ValueError, match="from a file has no problem"):
         hbnlp.floquet(dataclasses.replace(solution, problem=None))
+
+
+def test_a_closed_branch_has_each_solution_once_also_where_it_begins():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.tuned_absorber(force=0.15), n_harmonics=5)
+    largest = hbnlp.find_all(problem, at={"omega": 1.9})[-1]
+    isola = hbnlp.trace(problem, "omega", (0.8, 2.6), start=largest, stability=None)
+    assert isola.closed
+    found = isola.at(1.9)
+    assert len(found) == 2
+    np.testing.assert_allclose(found[0].coefficients, largest.coefficients, atol=1e-9)
+    assert len(isola.at(2.0)) == 2
+
+
+def test_near_rest_the_solutions_of_a_branch_that_begins_there_are_found():
+    problem = hbnlp.HarmonicBalance(duffing(), n_harmonics=5)
+    branch = hbnlp.trace(problem, "force", (0.0, 0.2), at={"omega": 1.0}, stability=None)
+    value = 0.5 * branch.parameter[1]
+    (solution,) = branch.at(value)
+    again = hbnlp.solve(problem, at={"omega": 1.0, "force": value})
+    np.testing.assert_allclose(solution.coefficients, again.coefficients, atol=1e-9 * value)

@@ -14,6 +14,7 @@ from hbnlp.callbacks import Autosave, StopTracing
 from hbnlp.continuation import PseudoArclength
 from hbnlp.errors import ConvergenceError, LinearInstabilityWarning, SaveError, TraceError
 from hbnlp.membrane import QuasiLinearMembrane
+from hbnlp.search import find_all
 from hbnlp.solve import solve
 from hbnlp.stability import Floquet
 from hbnlp.system import System
@@ -824,3 +825,52 @@ def test_the_repr_of_a_branch_is_five_lines_of_facts(branch):
 def test_an_unknown_output_of_a_branch_is_refused(branch):
     with pytest.raises(KeyError, match=r"unknown output 'y' \(known: x\)"):
         branch.harmonics("y")
+
+
+@pytest.mark.parametrize("way", [{"resume": True}, {"start": -1}, {"direction": -1}], ids=str)
+def test_no_trace_leaves_its_span(problem, branch, way):
+    """At an end of the span, heading out: there is nothing left to do."""
+    if "resume" in way:
+        resumed = trace(problem, "omega", branch.span, resume=branch)
+        assert resumed.end is End.SPAN_END
+        np.testing.assert_array_equal(resumed.parameter, branch.parameter)
+        return
+    options = {"start": branch.solution(-1)} if "start" in way else way
+    with pytest.raises(ValueError, match=r"an end of the span .* and the way first taken leads out of it"):
+        trace(problem, "omega", branch.span, **options)
+
+
+def test_a_closed_branch_is_not_gone_round_again():
+    problem = HarmonicBalance(tuned_absorber(force=0.15), 5)
+    isola = trace(problem, "omega", (0.8, 2.6), start=find_all(problem, at={"omega": 1.9})[-1], stability=None)
+    again = trace(problem, "omega", (0.8, 2.6), resume=isola, stability=None)
+    assert again.end is End.CLOSED
+    assert len(again) == len(isola)
+
+
+def test_a_branch_can_begin_at_a_fold(problem, branch):
+    for fold in branch.folds:
+        part = trace(problem, "omega", branch.span, start=fold.solution, stability=None)
+        check_branch(part)
+        assert part.parameter[0] == fold.value
+        assert part.end in {End.SPAN_END, End.SPAN_START}
+
+
+def test_stability_is_not_lost_where_a_branch_is_resumed(problem, branch):
+    without = trace(problem, "omega", (0.5, 1.0), stability=None)
+    with pytest.raises(ValueError, match="traced without multipliers: resume it with stability=None"):
+        trace(problem, "omega", branch.span, resume=without)
+    with pytest.raises(ValueError, match="traced with multipliers: resume it with stability=Floquet"):
+        trace(problem, "omega", branch.span, resume=branch, stability=None)
+    assert Tracer(problem, "omega", branch.span, resume=branch).branch().stable is not None
+
+
+def test_a_solution_of_one_period_starts_a_problem_of_two():
+    one = HarmonicBalance(duffing(), 3)
+    two = HarmonicBalance(duffing(), 6, periods=2)
+    solution = solve(one, at={"omega": 1.1})
+    again = solve(two, at={"omega": 1.1}, guess=solution)
+    assert again.statistics["iterations"] <= 2
+    np.testing.assert_allclose(again.coefficients[:, 3:5], solution.coefficients[:, 1:3], atol=1e-12)
+    with pytest.raises(ValueError, match=r"2 period\(s\) and the problem 1"):
+        solve(one, at={"omega": 1.1}, guess=again)
