@@ -19,7 +19,7 @@ from hbnlp.errors import (
     NonFiniteError,
     OutsideBandWarning,
     SaveError,
-    TraceError,
+    TaskError,
 )
 from hbnlp.foldcurves import FoldBranch, FoldEvent, fold_curve
 from hbnlp.integrators import Adaptive, RungeKutta4
@@ -82,9 +82,9 @@ __all__ = [
     "StopTracing",
     "Sweep",
     "System",
+    "TaskError",
     "TimeResponse",
     "TimeSweep",
-    "TraceError",
     "Tracer",
     "aero",
     "design",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from math import ceil
 from typing import Any
 
 import casadi as ca
@@ -66,7 +67,7 @@ class HarmonicBalance:
         self.system = system
         self.n_harmonics = int(n_harmonics)
         self.periods = int(periods)
-        self.samples_are_settled = n_samples is not None
+        self._samples_given = self.samples_are_settled = n_samples is not None
         if n_samples is None:
             degree = polynomial_degree(system)
             self.samples_are_settled = degree is not None
@@ -86,8 +87,18 @@ class HarmonicBalance:
         return Assembly(self.system, self.basis, self.periods)
 
     def with_harmonics(self, n_harmonics: int) -> HarmonicBalance:
-        """Return the balance of the same system with another number of harmonics."""
-        return HarmonicBalance(self.system, n_harmonics, periods=self.periods)
+        """Return the balance of the same system with another number of harmonics.
+
+        Where the number of samples was given, or had to be raised, there are no fewer, nor fewer a harmonic.
+        """
+        other = HarmonicBalance(self.system, n_harmonics, periods=self.periods)
+        if not self._samples_given:
+            return other
+        in_proportion = ceil(self.n_samples * max(1.0, n_harmonics / self.n_harmonics))
+        n_samples = max(other.n_samples, min(in_proportion, max(MOST_SAMPLES, self.n_samples)))
+        other = HarmonicBalance(self.system, n_harmonics, periods=self.periods, n_samples=n_samples)
+        other.samples_are_settled = self.samples_are_settled
+        return other
 
     def oversampled(self) -> HarmonicBalance:
         """Return the same balance with twice the samples (always the same object, so that it is built once)."""

@@ -128,15 +128,20 @@ class Autosave:
         self.path = path
         self.seconds = seconds
         self._last = time.monotonic()
+        self._task = ""
 
     def __call__(self, progress: Progress) -> None:
         """Save if it is time."""
+        if progress.task != self._task:
+            if not hasattr(progress.result(), "save"):
+                kind = type(progress.result()).__name__
+                raise TypeError(
+                    f"{progress.task} results in a {kind}, which Autosave cannot write; save it when it is done"
+                )
+            self._task = progress.task
         if progress.done or time.monotonic() - self._last >= self.seconds:
-            result = progress.result()
-            if not hasattr(result, "save"):
-                raise TypeError(f"{progress.task} has a {type(result).__name__} for a result, which cannot be saved")
             try:
-                result.save(self.path)
+                progress.result().save(self.path)
             except SaveError as error:
                 logger.warning("autosave failed, %s goes on: %s", progress.task, error)
             self._last = time.monotonic()

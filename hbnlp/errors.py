@@ -17,12 +17,12 @@ class ConvergenceError(HbnlpError):
         self.result = result
 
 
-class TraceError(HbnlpError):
-    """An error ended a trace; ``branch`` holds all points computed before it, the error itself is the cause."""
+class TaskError(HbnlpError):
+    """An error ended a trace, a sweep or a search; ``result`` keeps all computed before, the cause is the error."""
 
-    def __init__(self, message: str, branch: Any) -> None:
-        super().__init__(message)
-        self.branch = branch
+    def __init__(self, task: str, result: Any, error: Exception) -> None:
+        super().__init__(f"{task} failed; the attribute 'result' of this error keeps all computed before: {error}")
+        self.result = result
 
 
 class NonFiniteError(HbnlpError):

@@ -16,11 +16,12 @@ from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import Kind, SpecialPoint
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.continuation import Continuation, Point, PseudoArclength, StopContinuation, locate, start_point
-from hbnlp.errors import ConvergenceError
+from hbnlp.errors import ConvergenceError, TaskError
 from hbnlp.folds import FoldCurve
 from hbnlp.fourier import Array
 from hbnlp.interrupts import guarded
 from hbnlp.newton import Newton, correct
+from hbnlp.solve import samples_suffice
 from hbnlp.storage import load_arrays, save_arrays
 
 if TYPE_CHECKING:
@@ -186,6 +187,8 @@ def fold_curve(
     if fold.kind is not Kind.FOLD:
         raise ValueError(f"fold is a {fold.kind.value}; a fold is needed, one of branch.folds")
     values = problem.values(fold.solution.parameters)
+    while not samples_suffice(problem, problem.vector(fold.solution.coefficients), values):
+        problem = problem.oversampled()
     curve = FoldCurve(problem, values, first, second)
     place = values[[curve.first, problem.system.parameters.index(second)]]
     spans = [
@@ -236,6 +239,11 @@ def fold_curve(
         for side in sides:
             side.end = side.end or ended_by(stop)
         logger.warning("the fold curve was %s after %d folds", ended_by(stop), sum(len(s.points) for s in sides) - 1)
+    except Exception as error:
+        for side in sides:
+            side.end = side.end or f"{type(error).__name__}: {error}"
+        observers.finish(result())
+        raise TaskError(f"following a fold in {first} and {second}", result(), error) from error
     branch = result()
     observers.finish(branch)
     return branch

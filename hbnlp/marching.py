@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.checks import whole_number
+from hbnlp.errors import TaskError
 from hbnlp.firstorder import FirstOrderForm, Method
 from hbnlp.fourier import Array, ComplexArray
 from hbnlp.system import System
@@ -103,26 +104,17 @@ def march(
     del parameters[name]
 
     def result(ending: str = "under way") -> TimeSweep:
-        jumps = [i for i, p in enumerate(points) if p.jumped_from is not None]
-        n_outputs = len(system.output_names)
-        return TimeSweep(
+        message = ending or f"all {marched.size} values reached"
+        return _time_sweep(
+            points,
+            system,
             name=name,
-            parameter=np.array([p.value for p in points]),
-            amplitudes=np.array([p.amplitudes for p in points], dtype=complex).reshape(-1, n_outputs, n_harmonics + 1),
-            output_names=system.output_names,
-            states=np.array([p.state for p in points]).reshape(-1, system.n_state),
-            periodic=np.array([p.periodic for p in points], dtype=bool),
-            defects=np.array([p.defect for p in points]),
-            n_periods=np.array([p.n_periods for p in points], dtype=np.int64),
-            jumps=np.array(jumps, dtype=np.int64),
-            jump_brackets=np.array([(points[i].jumped_from, points[i].value) for i in jumps], dtype=float).reshape(
-                -1, 2
-            ),
             parameters=parameters,
+            n_harmonics=n_harmonics,
             periods=int(periods),
             method=repr(method),
             complete=not ending,
-            message=ending or f"all {marched.size} values reached",
+            message=message,
         )
 
     observers, ending = Observers(callbacks, f"integrating along {name}", name), ""
@@ -147,9 +139,49 @@ def march(
     except (KeyboardInterrupt, StopTracing) as stop:
         ending = f"{ended_by(stop)} after {len(points)} of {marched.size} values"
         ending += "; go on from initial=sweep.states[-1]" if points else ""
+    except Exception as error:
+        if not points:
+            raise
+        sweep = result(f"{type(error).__name__} after {len(points)} of {marched.size} values: {error}")
+        observers.finish(sweep)
+        raise TaskError(f"integrating along {name}", sweep, error) from error
     sweep = result(ending)
     observers.finish(sweep)
     return sweep
+
+
+def _time_sweep(
+    points: Sequence[_Point],
+    system: System,
+    *,
+    name: str,
+    parameters: Mapping[str, float],
+    n_harmonics: int,
+    periods: int,
+    method: str,
+    complete: bool,
+    message: str,
+) -> TimeSweep:
+    jumps = [i for i, p in enumerate(points) if p.jumped_from is not None]
+    brackets = [(points[i].jumped_from, points[i].value) for i in jumps]
+    n_outputs = len(system.output_names)
+    return TimeSweep(
+        name=name,
+        parameter=np.array([p.value for p in points]),
+        amplitudes=np.array([p.amplitudes for p in points], dtype=complex).reshape(-1, n_outputs, n_harmonics + 1),
+        output_names=system.output_names,
+        states=np.array([p.state for p in points]).reshape(-1, system.n_state),
+        periodic=np.array([p.periodic for p in points], dtype=bool),
+        defects=np.array([p.defect for p in points]),
+        n_periods=np.array([p.n_periods for p in points], dtype=np.int64),
+        jumps=np.array(jumps, dtype=np.int64),
+        jump_brackets=np.array(brackets, dtype=float).reshape(-1, 2),
+        parameters=dict(parameters),
+        periods=periods,
+        method=method,
+        complete=complete,
+        message=message,
+    )
 
 
 class _Point(NamedTuple):

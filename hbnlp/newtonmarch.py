@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance import HarmonicBalance
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
-from hbnlp.errors import ConvergenceError
+from hbnlp.errors import ConvergenceError, TaskError
 from hbnlp.fourier import Array, ComplexArray
 from hbnlp.interrupts import interrupts_kept
 from hbnlp.newton import Newton
@@ -175,17 +175,23 @@ class NewtonMarch:
         """March through all values, or until Ctrl-C or a callback ends it."""
         marched, rows = self._marched, self._rows
         observers = Observers(callbacks, f"marching {self._name}", self._name)
-        ending = f"all {marched.size} values reached"
         try:
             for value in marched:
                 with interrupts_kept():
                     self._advance(value)
                 counts = {"values": len(rows), "jumps": len(self._jumps)}
                 observers.tell(value, len(rows) / marched.size, counts, self._sweep)
+            lost = sum(row is None for row in rows)
+            ending = f"all {marched.size} values reached" + (f", no solution at {lost} of them" if lost else "")
         except (KeyboardInterrupt, StopTracing) as stop:
             ending = f"{ended_by(stop)} after {len(rows)} of {marched.size} values"
-            ending += "; go on from start=sweep.coefficients[-1]" if rows else ""
+            solved = [i for i, row in enumerate(rows) if row is not None]
+            ending += f"; go on from start=sweep.coefficients[{solved[-1]}]" if solved else ""
             logger.warning("the sweep was %s", ending)
+        except Exception as error:
+            sweep = self._sweep(f"{type(error).__name__} after {len(rows)} of {marched.size} values: {error}")
+            observers.finish(sweep)
+            raise TaskError(f"marching {self._name}", sweep, error) from error
         sweep = self._sweep(ending)
         observers.finish(sweep)
         return sweep

@@ -1,6 +1,7 @@
 """All of matplotlib: branches with their stability and special points, sweeps with their jumps, fold curves.
 
-Stable is solid and thick, unstable dashed and thin; each kind of special point has one marker and one legend entry.
+Stable is solid and thick, unstable dashed and thin; where stability was not computed, solid and thin. Each kind of
+special point has one marker and one legend entry.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from hbnlp.resolution import ResolvedBranch
 from hbnlp.timesweep import TimeSweep
 
 STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
+UNKNOWN: dict[str, Any] = {"linestyle": "-", "linewidth": 1.2}
 UNSTABLE: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0}
 MARKERS = {
     Kind.FOLD: ("o", "tab:red"),
@@ -81,13 +83,14 @@ def plot_branch(
     level = _level(branch, output, harmonic, per, decibels)
     color = ax.plot([], [], color=color, label=label or "_branch")[0].get_color()
     stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
+    solid = STABLE if branch.stable is not None else UNKNOWN
     # the line goes through the located special points, which lie beyond their neighbours at a fold
     located = [p for p in branch.special_points if p.refined]
     after = [p.index + 1 for p in located]
     along = np.insert(branch.parameter, after, [p.value for p in located])
     level = np.insert(level, after, [_level(p.solution, output, harmonic, per, decibels) for p in located])
     for part, steady in _segments(np.insert(stable, after, stable[after])):
-        ax.plot(along[part], level[part], color=color, **(STABLE if steady else UNSTABLE))
+        ax.plot(along[part], level[part], color=color, **(solid if steady else UNSTABLE))
     if not stable.all():
         _explain(ax, "stable", color="0.3", **STABLE)
         _explain(ax, "unstable", color="0.3", **UNSTABLE)
@@ -173,8 +176,8 @@ def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | N
         if events:
             x, y = [e.first for e in events], [e.second for e in events]
             ax.plot(x, y, marker=marker, color=paint, linestyle="none", markersize=6, label=kind.value, zorder=3)
-    ax.set_xlabel(curve.names[0])
-    ax.set_ylabel(curve.names[1])
+    ax.set_xlabel(_axis(curve.names[0]))
+    ax.set_ylabel(_axis(curve.names[1]))
     ax.legend(frameon=False)
     return ax
 
@@ -209,7 +212,8 @@ def _level(source: Any, output: str, harmonic: int, per: str | None, in_decibels
         raise ValueError(f"harmonic = {harmonic}; 0 to {amplitudes.shape[-1] - 1} are retained")
     size = np.abs(amplitudes[..., harmonic])
     if per is not None:
-        size = size / np.abs(source.harmonics(per)[..., 1])
+        with np.errstate(divide="ignore", invalid="ignore"):  # at rest
+            size = size / np.abs(source.harmonics(per)[..., 1])
     with np.errstate(divide="ignore"):
         return decibels(size) if in_decibels else np.asarray(size)
 
@@ -221,6 +225,10 @@ def _segments(flags: Any) -> Iterator[tuple[slice, bool]]:
         yield slice(int(begin), min(int(end) + 1, len(flags))), bool(flags[begin])
 
 
+def _axis(parameter: str) -> str:
+    return r"$\omega$" if parameter == "omega" else parameter
+
+
 def _explain(ax: Axes, label: str, **style: Any) -> None:
     """Add a legend entry without data, once."""
     if label not in ax.get_legend_handles_labels()[1]:
@@ -228,7 +236,7 @@ def _explain(ax: Axes, label: str, **style: Any) -> None:
 
 
 def _finish(ax: Axes, parameter: str, output: str, harmonic: int, per: str | None, decibels: bool) -> None:
-    ax.set_xlabel(r"$\omega$" if parameter == "omega" else parameter)
+    ax.set_xlabel(_axis(parameter))
     what = (f"|{output}|" + (f" / |{per}|" if per else "")) if harmonic else f"|mean of {output}|"
     notes = [*([f"harmonic {harmonic}"] if harmonic else []), *(["dB"] if decibels else [])]
     ax.set_ylabel(f"{what} ({', '.join(notes)})" if notes else what)

@@ -15,11 +15,13 @@ from hbnlp.branch import Branch
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.checks import real_number, whole_number
 from hbnlp.curves import ParameterCurve
+from hbnlp.errors import TaskError
 from hbnlp.fourier import Array, ComplexArray
 from hbnlp.interrupts import interrupts_kept
 from hbnlp.newton import Newton, correct
 from hbnlp.parameters import unknown_name
 from hbnlp.solution import Solution, Status, make_solution
+from hbnlp.solve import samples_suffice
 from hbnlp.storage import load_arrays, save_arrays
 from hbnlp.truncation import Estimate, resized
 
@@ -151,7 +153,8 @@ def resolve_harmonics(
     branch : Branch
         From `hbnlp.trace`, of two points or more; its own number of harmonics need only be enough to lead.
     tolerance : float
-        Bound on the truncation error, relative to the size of the solution.
+        Bound on the truncation error, relative to the size of the solution, or to a thousandth of the largest on the
+        branch where the solution is smaller than that.
     least, at_most : int
         Numbers of harmonics between which the choice is made. Where ``at_most`` does not do, ``reached`` is False.
     method : Newton, optional
@@ -191,6 +194,10 @@ def resolve_harmonics(
     except (KeyboardInterrupt, StopTracing) as stop:
         ending = f"{ended_by(stop)} after {len(rows)} of {len(branch)} points"
         logger.warning("the choice of harmonics was %s", ending)
+    except Exception as error:
+        resolved = result(f"{type(error).__name__} after {len(rows)} of {len(branch)} points: {error}")
+        observers.finish(resolved)
+        raise TaskError(f"resolving along {branch.name}", resolved, error) from error
     resolved = result(ending)
     observers.finish(resolved)
     return resolved
@@ -214,6 +221,8 @@ class _Resolver:
         self._branch, self._problem = branch, problem
         self._tolerance, self._at_most, self._method = tolerance, at_most, method
         self._problems = {branch.n_harmonics: problem}
+        # a branch may begin at rest, where nothing can be measured relative to the solution
+        self._floor = 1e-3 * float(np.linalg.norm(branch.coefficients, axis=(1, 2)).max()) or 1.0
         self._points = np.column_stack([branch.coefficients.reshape(len(branch), -1), branch.parameter])
 
     def point(self, i: int, n_harmonics: int) -> _Row:
@@ -226,10 +235,13 @@ class _Resolver:
                 self._problems[n_harmonics] = self._problem.with_harmonics(n_harmonics)
             problem = self._problems[n_harmonics]
             curve = ParameterCurve(problem, values, branch.name, 0.01 * abs(branch.span[1] - branch.span[0]))
+            curve.solution_floor = self._floor
             guess, along = (resized(v, self._problem, problem) for v in (points[i], tangent))
             row = along / curve.scale(guess) ** 2
             found = correct(curve, guess, row / np.linalg.norm(row), self._method)
-            if found.converged:
+            if found.converged and not samples_suffice(problem, found.y[:-1], curve.values(found.y)):
+                self._problems[n_harmonics] = problem.oversampled()
+            elif found.converged:
                 estimate = Estimate(problem, curve, found.y, row)
                 if estimate.error <= self._tolerance or n_harmonics >= self._at_most:
                     solution = make_solution(problem, found.y[:-1], curve.values(found.y))

@@ -13,7 +13,7 @@ from hbnlp.balance import HarmonicBalance
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
 from hbnlp.continuation import Continuation, PseudoArclength, StopContinuation, start_point
 from hbnlp.curves import LoadCurve
-from hbnlp.errors import ConvergenceError
+from hbnlp.errors import ConvergenceError, NonFiniteError, TaskError
 from hbnlp.fourier import Array
 from hbnlp.interrupts import guarded
 from hbnlp.newton import Newton
@@ -115,6 +115,11 @@ def find_all(
             observers.tell(start, start / max(options.n_starts, 1), {"solutions": len(found)}, result)
     except (KeyboardInterrupt, StopTracing) as stop:
         logger.warning("the search was %s with %d solutions found", ended_by(stop), len(found))
+    except NonFiniteError:
+        raise
+    except Exception as error:
+        observers.finish(result())
+        raise TaskError("searching", result(), error) from error
     solutions = result()
     observers.finish(solutions)
     return solutions

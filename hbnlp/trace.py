@@ -12,7 +12,7 @@ from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import Branch, End
 from hbnlp.callbacks import Callbacks, Observers, StopTracing
 from hbnlp.continuation import PseudoArclength
-from hbnlp.errors import TraceError
+from hbnlp.errors import TaskError
 from hbnlp.solution import Solution
 from hbnlp.stability import Floquet
 from hbnlp.tracer import DEFAULT_STABILITY, Tracer
@@ -72,8 +72,8 @@ def trace(
         For a span or name that cannot be, or a branch that does not belong to the problem.
     ConvergenceError
         If the start does not converge.
-    TraceError
-        If an error is raised on the way; its ``branch`` holds the points so far, its cause is the error.
+    TaskError
+        If an error is raised on the way; its ``result`` is the branch so far, its cause is the error.
 
     Warns
     -----
@@ -107,10 +107,7 @@ def trace(
     except Exception as error:
         branch = tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
         observers.finish(branch)
-        raise TraceError(
-            f"the trace failed after {len(branch)} points, which the attribute 'branch' of this error keeps: {error}",
-            branch,
-        ) from error
+        raise TaskError(f"tracing {name}", branch, error) from error
     branch = tracer.branch(end)
     observers.finish(branch)
     if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.MAX_POINTS):

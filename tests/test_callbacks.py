@@ -10,7 +10,7 @@ import pytest
 from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import End, load_branch
 from hbnlp.callbacks import Autosave, Progress, ProgressBar, StopTracing
-from hbnlp.errors import TraceError
+from hbnlp.errors import TaskError
 from hbnlp.systems import duffing
 from hbnlp.testing import check_branch
 from hbnlp.trace import trace
@@ -169,7 +169,7 @@ def test_autosave_keeps_the_file_and_the_bar_is_closed_when_a_trace_fails(proble
             raise RuntimeError("from a callback")
 
     callbacks = [fail, Autosave(path, seconds=3600.0), ProgressBar(file=text)]
-    with pytest.raises(TraceError, match="from a callback"):
+    with pytest.raises(TaskError, match="from a callback"):
         trace(problem, "omega", (0.5, 1.6), stability=None, callbacks=callbacks)
     loaded = load_branch(path)
     assert len(loaded) == 9

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hbnlp.errors import TaskError
 from hbnlp.integrators import Adaptive, RungeKutta4
 from hbnlp.marching import march
 from hbnlp.system import System
@@ -82,12 +83,14 @@ def test_an_interrupt_keeps_what_there_is_and_says_so():
     np.testing.assert_array_equal(rest.states[0], whole.states[2])
 
 
-def test_an_error_of_the_callback_is_the_callers():
+def test_an_error_of_a_callback_keeps_what_there_is():
     def fail(progress):
         raise ValueError(f"a third is {progress.fraction:.3f}")
 
-    with pytest.raises(ValueError, match=r"a third is 0\.333"):
+    with pytest.raises(TaskError, match=r"a third is 0\.333") as caught:
         short_sweep(callbacks=[fail])
+    assert isinstance(caught.value.__cause__, ValueError)
+    assert len(caught.value.result) == 1
 
 
 def test_a_sweep_ends_where_the_response_diverges():

@@ -207,7 +207,7 @@ def test_a_time_sweep_is_drawn_as_well():
 def test_a_fold_curve_is_drawn_in_its_plane_with_its_events(branch):
     curve = fold_curve(branch.problem, branch.folds[0], "omega", "force")
     ax = curve.plot()
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("omega", "force")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\omega$", "force")
     assert legend(ax) == ["folds", "cusp"]
     np.testing.assert_array_equal(ax.get_lines()[0].get_xdata(), curve.first)
     (event,) = curve.cusps

@@ -5,6 +5,8 @@ import pytest
 
 from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import End
+from hbnlp.callbacks import Autosave
+from hbnlp.errors import TaskError
 from hbnlp.search import Search, deflated_newton, find_all
 from hbnlp.solve import solve
 from hbnlp.system import System
@@ -168,3 +170,9 @@ def test_an_interrupted_search_returns_what_it_found_and_says_so(caplog):
     assert [p.value for p in seen] == [0, 1, 2, 2]
     assert seen[-1].result() == found
     assert seen[-1].fraction == 2 / 40
+
+
+def test_a_search_cannot_be_saved_on_the_way_and_says_so_at_once(tmp_path):
+    with pytest.raises(TaskError, match="searching results in a list, which Autosave cannot write") as caught:
+        find_all(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, callbacks=[Autosave(tmp_path / "found.npz")])
+    assert len(caught.value.result) >= 1

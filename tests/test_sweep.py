@@ -6,7 +6,7 @@ import pytest
 
 from hbnlp.balance import HarmonicBalance
 from hbnlp.callbacks import Autosave, StopTracing
-from hbnlp.errors import SaveError
+from hbnlp.errors import SaveError, TaskError
 from hbnlp.integrators import Adaptive, RungeKutta4
 from hbnlp.newton import Newton
 from hbnlp.newtonmarch import Sweep
@@ -200,7 +200,7 @@ def test_a_sweep_that_ends_early_keeps_what_it_has_and_can_be_gone_on_with(probl
     part = sweep(problem, "omega", OMEGAS, callbacks=[end, Autosave(tmp_path / "sweep.npz")])
     assert not part.complete
     assert part.message.startswith(word)
-    assert "after 60 of 100 values; go on from start=sweep.coefficients[-1]" in part.message
+    assert "after 60 of 100 values; go on from start=sweep.coefficients[59]" in part.message
     assert part.message in caplog.text
     np.testing.assert_array_equal(part.coefficients, whole.coefficients[:60])
     assert Sweep.load(tmp_path / "sweep.npz").message == part.message
@@ -218,3 +218,14 @@ def test_a_sweep_interrupted_at_once_is_empty(problem, monkeypatch):
     assert len(part) == 0
     assert part.coefficients.shape == (0, *problem.shape)
     assert "0 values, 0 converged" in repr(part)
+
+
+def test_an_error_on_the_way_keeps_the_sweep(problem):
+    def fail(progress):
+        if progress.counts["values"] == 5:
+            raise RuntimeError("from a callback")
+
+    with pytest.raises(TaskError, match=r"marching omega failed; .* from a callback") as caught:
+        sweep(problem, "omega", OMEGAS, callbacks=[fail])
+    assert len(caught.value.result) == 5
+    assert "RuntimeError after 5 of 100 values" in caught.value.result.message

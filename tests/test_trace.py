@@ -12,7 +12,7 @@ from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import End, Kind, load_branch
 from hbnlp.callbacks import Autosave, StopTracing
 from hbnlp.continuation import PseudoArclength
-from hbnlp.errors import ConvergenceError, LinearInstabilityWarning, SaveError, TraceError
+from hbnlp.errors import ConvergenceError, LinearInstabilityWarning, SaveError, TaskError
 from hbnlp.membrane import QuasiLinearMembrane
 from hbnlp.search import find_all
 from hbnlp.solve import solve
@@ -617,9 +617,9 @@ def test_a_callback_may_stop_the_trace(problem):
 
 @pytest.mark.parametrize("error", [RuntimeError("from a callback"), MemoryError(), ZeroDivisionError("oops")], ids=repr)
 def test_an_error_on_the_way_carries_the_branch_so_far(problem, error):
-    with pytest.raises(TraceError, match="the trace failed after 12 points, which the attribute 'branch'") as caught:
+    with pytest.raises(TaskError, match="tracing omega failed; the attribute 'result'") as caught:
         trace(problem, "omega", (0.5, 1.6), callbacks=[raising_at(12, error)])
-    branch = caught.value.branch
+    branch = caught.value.result
     assert caught.value.__cause__ is error
     assert branch.end is End.ERROR
     assert type(error).__name__ in branch.message
@@ -636,9 +636,9 @@ def test_an_error_of_the_force_on_the_way_carries_the_branch_so_far():
         nonlinear_force=lambda q, v, tau, p: [-0.1 * q[0] * ca.sqrt(1.0 - q[0] ** 2)],
         forcing=lambda tau, p: [0.3 * ca.cos(tau)],
     )
-    with pytest.raises(TraceError, match=r"the trace failed after \d+ points.*not smooth enough") as caught:
+    with pytest.raises(TaskError, match=r"tracing omega failed.*not smooth enough") as caught:
         trace(HarmonicBalance(system, 3), "omega", (0.3, 1.6))
-    branch = caught.value.branch
+    branch = caught.value.result
     assert len(branch) > 5
     check_branch(branch)
     assert np.abs(branch.harmonics("x")[:, 1]).max() > 0.8
@@ -657,8 +657,8 @@ def test_a_force_that_ceases_to_be_finite_ends_the_branch_where_it_does(caplog):
     problem = HarmonicBalance(system, 3)
     try:
         branch = trace(problem, "force", (0.01, 2.0), at={"omega": 0.5}, stability=None)
-    except TraceError as error:
-        branch = error.branch
+    except TaskError as error:
+        branch = error.result
     check_branch(branch)
     assert branch.end in (End.STEP_TOO_SMALL, End.ERROR)
     assert 0.3 < branch.parameter[-1] < 2.0
@@ -737,7 +737,7 @@ def test_autosave_on_a_full_disk_keeps_the_last_good_file(problem, branch, tmp_p
 
 def test_autosave_leaves_a_file_that_resumes_after_an_error(problem, tmp_path):
     path = tmp_path / "branch.npz"
-    with pytest.raises(TraceError):
+    with pytest.raises(TaskError):
         trace(problem, "omega", (0.5, 1.6), callbacks=[Autosave(path, seconds=1e-9), raising_at(25, RuntimeError())])
     kept = load_branch(path)
     assert len(kept) == 25

@@ -1,5 +1,6 @@
 """The estimated error of truncation against the true one, and the choice of the number of harmonics."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
@@ -23,6 +24,18 @@ def branch(duffing):
 def wing():
     membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=4)
     return hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=4))
+
+
+@pytest.fixture(scope="module")
+def friction():
+    return hbnlp.System(
+        [[1.0]],
+        [[0.02]],
+        [[1.0]],
+        nonlinear_force=lambda q, v, tau, p: [0.1 * ca.tanh(v[0] / 0.1) + q[0] ** 3],
+        forcing=lambda tau, p: [p.force * ca.cos(tau)],
+        parameters={"force": 0.4},
+    )
 
 
 def solution_and_true_error(system, at, n_harmonics, enough):
@@ -136,3 +149,34 @@ def test_bad_input(branch, tmp_path):
         hbnlp.resolve_harmonics(loaded, 1e-3)
     with pytest.raises(ValueError, match="from a file"):
         hbnlp.truncation_error(loaded.solution(0))
+
+
+def test_a_branch_that_begins_at_rest_is_resolved(duffing):
+    problem = hbnlp.HarmonicBalance(duffing, n_harmonics=5)
+    branch = hbnlp.trace(problem, "force", (0.0, 0.2), at={"omega": 0.8}, stability=None)
+    resolved = hbnlp.resolve_harmonics(branch, 1e-3)
+    assert resolved.reached.all()
+    assert resolved.n_harmonics[0] == 1
+    assert resolved.n_harmonics.max() < 8
+
+
+def test_samples_that_were_given_or_raised_are_kept_with_another_number_of_harmonics(duffing, friction):
+    given = hbnlp.HarmonicBalance(duffing, n_harmonics=5, n_samples=256)
+    assert given.with_harmonics(1).n_samples == 256
+    assert given.with_harmonics(10).n_samples == 512
+    assert given.with_harmonics(10).samples_are_settled
+    assert hbnlp.HarmonicBalance(duffing, n_harmonics=5).with_harmonics(10).n_samples == 41
+    branch = hbnlp.trace(hbnlp.HarmonicBalance(friction, n_harmonics=5), "omega", (1.2, 1.6), stability=None)
+    resolved = hbnlp.resolve_harmonics(branch, 1e-4)
+    i = int(np.argmax(resolved.n_harmonics))
+    assert resolved.solution(i).problem.n_samples > 4 * resolved.n_harmonics[i] + 1
+    assert branch.problem.n_samples > 100
+
+
+def test_a_fold_curve_has_the_samples_that_its_fold_needs(friction):
+    problem = hbnlp.HarmonicBalance(friction, n_harmonics=5)
+    branch = hbnlp.trace(problem, "omega", (0.6, 3.6), stability=None)
+    fold = branch.folds[-1]
+    curve = hbnlp.fold_curve(problem, fold, "omega", "force", second_span=(0.39, 0.41))
+    k = int(np.argmin(abs(curve.second - 0.4)))
+    assert curve.first[k] == pytest.approx(fold.value, abs=1e-8)
