@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -70,3 +71,10 @@ def test_stability_needs_a_solution_that_converged_and_its_problem(branch):
         hbnlp.floquet(dataclasses.replace(solution, status=hbnlp.Status.NOT_CONVERGED))
     with pytest.raises(ValueError, match="from a file has no problem"):
         hbnlp.floquet(dataclasses.replace(solution, problem=None))
+
+
+def test_stability_without_mass_is_refused():
+    system = hbnlp.System([[0.0]], [[1.0]], [[1.0]], forcing=lambda tau, p: [ca.cos(tau)])
+    solution = hbnlp.solve(hbnlp.HarmonicBalance(system, 1), at={"omega": 1.0})
+    with pytest.raises(ValueError, match=r"mass matrix is singular \(row 0 is zero\)"):
+        hbnlp.floquet(solution)
