@@ -1,9 +1,11 @@
-"""Checks of numbers that users give: what it is called, the value given, what is accepted."""
+"""Checks of what users give: what it is called, the value given, what is accepted."""
 
 from __future__ import annotations
 
 import math
 import operator
+import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 
@@ -41,3 +43,15 @@ def real_number(
     if not math.isfinite(number) or number <= above or number < least:
         raise ValueError(f"{name} is {value!r}; give {accepted}")
     return number
+
+
+def instance_of(name: str, value: Any, kinds: Any, advice: str) -> None:
+    """Raise a TypeError that names ``value`` and says what to give unless it is of one of the ``kinds``."""
+    if not isinstance(value, kinds):
+        raise TypeError(f"{name} is {textwrap.shorten(repr(value), 120, placeholder=' ...')}; give {advice}")
+
+
+def list_of_callables(name: str, value: Any) -> None:
+    """Raise a TypeError that names ``value`` unless it is a sequence of callables."""
+    if not isinstance(value, Sequence) or not all(callable(each) for each in value):
+        raise TypeError(f"{name} is {value!r}; give a list of callables, [...], also for a single one")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
-from hbnlp.checks import whole_number
+from hbnlp.checks import instance_of, list_of_callables, whole_number
 from hbnlp.firstorder import FirstOrderForm, Method
 from hbnlp.fourier import Array, ComplexArray
 from hbnlp.system import System
@@ -76,7 +76,12 @@ def march(
     ------
     ValueError, KeyError
         For an unknown parameter, values that are not finite, a step that is unstable at the first value.
+    TypeError
+        For a system, method or callbacks of another kind.
     """
+    instance_of("system", system, System, "a System")
+    instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...), which march a System")
+    list_of_callables("callbacks", callbacks)
     check_limits(periods, max_periods, periodic_tol)
     marched = np.atleast_1d(np.array(values, dtype=float))
     if marched.ndim != 1 or marched.size == 0 or not np.all(np.isfinite(marched)):

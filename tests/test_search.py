@@ -169,3 +169,19 @@ def test_an_interrupted_search_returns_what_it_found_and_says_so(caplog):
     assert [p.value for p in seen] == [1, 2, 2]
     assert seen[-1].result() == found
     assert seen[-1].fraction == 2 / 40
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "deflation"}, r"method is 'deflation'; give hbnlp.Search"),
+        ({"rng": 3}, r"rng is 3; give a Generator, numpy.random.default_rng\(seed\)"),
+        ({"callbacks": print}, r"callbacks is .*; give a list of callables"),
+    ],
+)
+def test_arguments_of_another_kind_are_named(options, message):
+    problem = HarmonicBalance(duffing(), 1)
+    with pytest.raises(TypeError, match=message):
+        find_all(problem, at={"omega": 1.2}, **options)
+    with pytest.raises(TypeError, match=r"problem is System .*; give a HarmonicBalance"):
+        find_all(problem.system, at={"omega": 1.2})
