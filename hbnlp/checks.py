@@ -47,7 +47,7 @@ def real_number(
 
 def instance_of(name: str, value: Any, kinds: Any, advice: str) -> None:
     """Raise a TypeError that names ``value`` and says what to give unless it is of one of the ``kinds``."""
-    if not isinstance(value, kinds):
+    if not isinstance(value, kinds) or isinstance(value, type):  # a class has all methods of a protocol
         raise TypeError(f"{name} is {textwrap.shorten(repr(value), 120, placeholder=' ...')}; give {advice}")
 
 
