@@ -1,10 +1,15 @@
-"""Checks of numbers that users give: what it is called, the value given, what is accepted."""
+"""Checks of what users give: what it is called, the value given, what is accepted."""
 
 from __future__ import annotations
 
 import math
 import operator
+import textwrap
+from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 def whole_number(name: str, value: Any, *, least: int, most: int | None = None, advice: str = "") -> int:
@@ -43,6 +48,26 @@ def real_number(
     return number
 
 
+def finite_numbers(name: str, values: Any) -> NDArray[np.float64]:
+    """Return a sequence of finite numbers as an array (k,), k >= 1, or raise a ValueError that names it."""
+    array = np.atleast_1d(np.array(values, dtype=float))
+    if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} = {values!r}; a sequence of finite numbers, at least one, is needed")
+    return array
+
+
 def counted(number: int, what: str) -> str:
     """Return "1 fold", "2 folds"."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def instance_of(name: str, value: Any, kinds: Any, advice: str) -> None:
+    """Raise a TypeError that names ``value`` and says what to give unless it is of one of the ``kinds``."""
+    if not isinstance(value, kinds) or isinstance(value, type):  # a class has all methods of a protocol
+        raise TypeError(f"{name} is {textwrap.shorten(repr(value), 120, placeholder=' ...')}; give {advice}")
+
+
+def list_of_callables(name: str, value: Any) -> None:
+    """Raise a TypeError that names ``value`` unless it is a sequence of callables."""
+    if not isinstance(value, Sequence) or not all(callable(each) for each in value):
+        raise TypeError(f"{name} is {value!r}; give a list of callables, [...], also for a single one")

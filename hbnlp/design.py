@@ -26,6 +26,8 @@ from hbnlp.parameters import unknown_name
 from hbnlp.solution import Solution, make_solution
 from hbnlp.solve import Ipopt, samples_suffice
 
+__all__ = ["Optimum", "Program", "Response", "Variables", "fold_at", "response_at"]
+
 
 @final
 class Variables:
@@ -76,7 +78,27 @@ class Response:
 def response_at(
     problem: HarmonicBalance, variables: Variables, start: Solution, *, at: Mapping[str, float] | None = None
 ) -> Response:
-    """Return the response at the parameters of ``start``, but for ``at`` and the variables; it begins at ``start``."""
+    """Return the response at the parameters of ``start``, but for ``at`` and the variables; it begins at ``start``.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    variables : Variables
+        Those of the program.
+    start : Solution
+        Coefficients to begin from, and the values of the parameters that are no variables.
+    at : mapping of names to values, optional
+        Values that override those of ``start``.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    KeyError, ValueError
+        For a name that is no parameter, or coefficients that do not fit the problem.
+    """
     values, x0 = problem.values({**start.parameters, **(at or {})}), problem.vector(start.coefficients)
     size, terms = _sizes(problem, x0, values)
     xi, p = ca.MX.sym("x", problem.size), _parameters(problem, variables, values, {})
@@ -85,7 +107,29 @@ def response_at(
 
 
 def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, name: str) -> Response:
-    """Return a fold in the parameter ``name``, which is free; it begins at ``fold``, one of ``branch.folds``."""
+    """Return a fold in the parameter ``name``, which is free; it begins at ``fold``, one of ``branch.folds``.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    variables : Variables
+        Those of the program.
+    fold : SpecialPoint
+        A refined fold in ``name``.
+    name : str
+        The parameter whose value at the fold is an unknown of the program: ``response.parameter(name)``.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    ValueError
+        If ``fold`` is no refined fold, or ``name`` is a variable, too.
+    KeyError
+        For a name that is no parameter.
+    """
     if fold.kind is not Kind.FOLD or fold.null is None:
         raise ValueError(f"{fold!r} was given; a refined fold, one of branch.folds, is needed")
     if name in variables.names:

@@ -12,7 +12,7 @@ parameters.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from typing import NamedTuple, Protocol, final
+from typing import NamedTuple, Protocol, final, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -41,6 +41,7 @@ Propagator = Callable[[Array], Window]
 """Takes the state at tau = 0 through one window."""
 
 
+@runtime_checkable
 class Method(Protocol):
     """What `integrate` and `march` ask of an integration method."""
 
@@ -90,10 +91,7 @@ class FirstOrderForm:
         if omega <= 0.0:
             raise ValueError(f"omega = {omega:g}; time integration needs a period, so omega > 0")
         mass, damping, stiffness, lag_output = self.system.state_matrices(values)
-        try:
-            inverse = np.linalg.inv(mass)
-        except np.linalg.LinAlgError:
-            raise ValueError("the mass matrix is singular; every degree of freedom needs some mass") from None
+        inverse = np.linalg.inv(mass)
         gain = inverse @ np.hstack([-stiffness, -damping, lag_output])
         return np.concatenate([values, gain.ravel(order="F"), inverse.ravel(order="F")])
 

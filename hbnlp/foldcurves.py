@@ -15,6 +15,7 @@ import numpy as np
 from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import Kind, SpecialPoint
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
+from hbnlp.checks import instance_of, list_of_callables
 from hbnlp.continuation import Continuation, Point, PseudoArclength, StopContinuation, locate, start_point
 from hbnlp.errors import ConvergenceError, TaskError
 from hbnlp.folds import FoldCurve
@@ -175,13 +176,24 @@ def fold_curve(
         Called after each fold with a `Progress`; one that raises `StopTracing` ends the curve, as Ctrl-C does: with all
         folds so far, and ``ends`` says so.
 
+    Returns
+    -------
+    FoldBranch
+        ``ends`` says why it ended, on either side.
+
     Raises
     ------
     ConvergenceError
         If the fold does not converge in this problem.
     ValueError, KeyError
         For another special point, spans that do not hold the fold, or unknown or equal parameters.
+    TypeError
+        For a problem, fold, method or callbacks of another kind.
     """
+    instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+    instance_of("fold", fold, SpecialPoint, "one fold, such as branch.folds[0]")
+    instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
+    list_of_callables("callbacks", callbacks)
     if first == second:
         raise ValueError(f"first and second are both {first!r}; two different parameters are needed")
     if fold.kind is not Kind.FOLD:
@@ -265,6 +277,8 @@ def _span_around(span: tuple[float, float] | None, value: float, name: str) -> t
     if span is None:
         reach = 10.0 * abs(value) or 1.0
         span = (value / 10.0, reach) if value > 0.0 else (-reach, value / 10.0 if value else reach)
+    if len(span) != 2:
+        raise ValueError(f"the span of {name} is {span!r}; give two values, the lowest and the highest")
     low, high = sorted(span)
     if not low <= value <= high:
         raise ValueError(f"the fold lies at {name} = {value:g}, outside of {span!r}")

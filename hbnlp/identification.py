@@ -15,6 +15,8 @@ from hbnlp.design import Optimum, Program, Variables, response_at
 from hbnlp.fourier import Array
 from hbnlp.solution import Solution
 
+__all__ = ["Identification", "Identified"]
+
 INDISTINCT = 1e8
 """A larger condition number of the scaled Jacobian means that the measurements do not determine the variables."""
 

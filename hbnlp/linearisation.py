@@ -18,7 +18,7 @@ import numpy as np
 from hbnlp.collocation import Gauss, Plant
 from hbnlp.errors import NonFiniteError
 from hbnlp.fourier import Array, basis_derivatives, basis_values, to_real
-from hbnlp.system import System
+from hbnlp.system import System, check_mass
 
 # Harmonics smaller than this, relative to the largest, are rounding.
 _ROUNDING = 1e-12
@@ -83,10 +83,11 @@ class Linearisation:
         self._trigger = _connect(system.matrices, [self._values], self._matrices)
 
     def plant(self, values: Array) -> Plant:
-        """Return the constant matrices at the parameter values."""
+        """Return the constant matrices at the parameter values; a singular mass matrix is a ValueError."""
         self._values[:] = values
         self._trigger()
         mass, damping, stiffness, lag_output = (matrix.T.copy() for matrix in self._matrices)
+        check_mass(mass)
         return Plant(mass, damping, stiffness, lag_output, self.system.lag_state, self.system.lag_input)
 
     def matrices(self, entries: Array) -> tuple[Array, Array | None]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
-from hbnlp.checks import whole_number
+from hbnlp.checks import finite_numbers, instance_of, list_of_callables, whole_number
 from hbnlp.errors import TaskError
 from hbnlp.firstorder import FirstOrderForm, Method
 from hbnlp.fourier import Array, ComplexArray
@@ -77,11 +77,14 @@ def march(
     ------
     ValueError, KeyError
         For an unknown parameter, values that are not finite, a step that is unstable at the first value.
+    TypeError
+        For a system, method or callbacks of another kind.
     """
+    instance_of("system", system, System, "a System")
+    instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...), which march a System")
+    list_of_callables("callbacks", callbacks)
     check_limits(periods, max_periods, periodic_tol)
-    marched = np.atleast_1d(np.array(values, dtype=float))
-    if marched.ndim != 1 or marched.size == 0 or not np.all(np.isfinite(marched)):
-        raise ValueError(f"values = {values!r}; a sequence of finite numbers, at least one, is needed")
+    marched = finite_numbers("values", values)
     if name == "omega" and marched.min() <= 0.0:
         raise ValueError(f"values of omega reach {marched.min():g}; time integration needs a period, so omega > 0")
     whole_number("n_harmonics", n_harmonics, least=1)
@@ -96,9 +99,7 @@ def march(
             form, there, state, method=method, periods=periods, max_periods=max_periods, periodic_tol=periodic_tol
         )
 
-    first = point.copy()
-    first[index] = marched[0]
-    state = initial_state(system, initial, first, periods)
+    state = initial_state(system, initial, np.where(np.arange(point.size) == index, marched[0], point), periods)
     points: list[_Point] = []
     parameters = system.parameters.as_dict(point)
     del parameters[name]

@@ -160,6 +160,19 @@ class LinearMembrane(Membrane):
     """The membrane of constant tension: ``2 mu W_k'' + k^2 pi^2 c_T0 W_k = dCp_k``.
 
     Its elongation is the quasi-linear one, of which its tension takes no notice.
+
+    Everything is nondimensional (chord, stream velocity, density).
+
+    Parameters
+    ----------
+    mass_ratio : float
+        mu = rho_s h / (rho c), not negative.
+    stiffness : float
+        Eh = E_s h / (rho U^2 c), positive.
+    prestrain : float
+        delta0, not negative; the tension at rest is c_T0 = 2 Eh delta0.
+    n_modes : int
+        Number N of sine modes.
     """
 
     def elongation(self, W: Any) -> Any:
@@ -185,6 +198,19 @@ class QuasiLinearMembrane(Membrane):
     """The membrane whose tension grows with the square of small slopes: ``2 mu W_k'' + k^2 pi^2 c_T W_k = dCp_k``.
 
     Its force is a cubic polynomial. It differs from the nonlinear membrane's at a relative order of slope^2.
+
+    Everything is nondimensional (chord, stream velocity, density).
+
+    Parameters
+    ----------
+    mass_ratio : float
+        mu = rho_s h / (rho c), not negative.
+    stiffness : float
+        Eh = E_s h / (rho U^2 c), positive.
+    prestrain : float
+        delta0, not negative; the tension at rest is c_T0 = 2 Eh delta0.
+    n_modes : int
+        Number N of sine modes.
     """
 
     def elongation(self, W: Any) -> Any:
@@ -209,8 +235,18 @@ class NonlinearMembrane(Membrane):
     by 3e-4 at 17 %; both errors fall as N^-3, as the arc's curvature does not vanish at the ends and that of a sine
     series does.
 
-    Attributes
+    Everything is nondimensional (chord, stream velocity, density).
+
+    Parameters
     ----------
+    mass_ratio : float
+        mu = rho_s h / (rho c), not negative.
+    stiffness : float
+        Eh = E_s h / (rho U^2 c), positive.
+    prestrain : float
+        delta0, not negative; the tension at rest is c_T0 = 2 Eh delta0.
+    n_modes : int
+        Number N of sine modes.
     n_nodes : int or None
         Number of nodes, more than ``n_modes``; None is the default above.
     """

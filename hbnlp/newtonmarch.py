@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance import HarmonicBalance
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
+from hbnlp.checks import finite_numbers
 from hbnlp.errors import ConvergenceError, TaskError
 from hbnlp.fourier import Array, ComplexArray
 from hbnlp.interrupts import interrupts_kept
@@ -152,9 +153,7 @@ class NewtonMarch:
         method: Newton,
         start: Solution | ArrayLike | None = None,
     ) -> None:
-        marched = np.atleast_1d(np.array(values, dtype=float))
-        if marched.ndim != 1 or marched.size == 0 or not np.all(np.isfinite(marched)):
-            raise ValueError(f"values = {values!r}; a sequence of finite numbers, at least one, is needed")
+        marched = finite_numbers("values", values)
         if not isinstance(method, Newton):
             raise TypeError(
                 f"method is {method!r}; a HarmonicBalance is marched by Newton(...), a System by integration"

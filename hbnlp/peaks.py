@@ -95,7 +95,31 @@ def peaks(
 ) -> list[SpecialPoint]:
     """Return all interior maxima of an output's amplitude along a branch, in branch order, each solved for.
 
-    ``problem`` is needed for a branch that was loaded from a file.
+    A branch that closes on itself has no ends: a maximum where it began is one of them.
+
+    Parameters
+    ----------
+    branch : Branch
+    output : str
+        Its name.
+    harmonic : int
+        Whose amplitude, from 1 to the branch's ``n_harmonics``.
+    problem : HarmonicBalance, optional
+        Needed for a branch that was loaded from a file.
+
+    Returns
+    -------
+    list of SpecialPoint
+        Of the kind `Kind.PEAK`.
+
+    Raises
+    ------
+    ValueError
+        If the harmonic is not retained, or a loaded branch comes without its problem.
+    KeyError
+        If there is no such output.
+    ConvergenceError
+        If IPOPT does not find one of the maxima.
     """
     problem = problem or branch.problem
     if problem is None:
@@ -103,7 +127,9 @@ def peaks(
     if not 1 <= harmonic <= branch.n_harmonics:
         raise ValueError(f"harmonic = {harmonic}; 1 to {branch.n_harmonics} are retained")
     amplitude = np.abs(branch.harmonics(output)[:, harmonic])
-    tops = 1 + np.flatnonzero((amplitude[1:-1] >= amplitude[:-2]) & (amplitude[1:-1] > amplitude[2:]))
+    if branch.closed:  # its last point is its first again: the one before stands ahead of the first
+        amplitude = np.append(amplitude[-2], amplitude)
+    tops = np.flatnonzero((amplitude[1:-1] >= amplitude[:-2]) & (amplitude[1:-1] > amplitude[2:])) + (not branch.closed)
     return [
         locate_peak(
             problem,
@@ -120,6 +146,6 @@ def peaks(
 
 def _around(branch: Branch, index: int) -> tuple[float, float]:
     """Return an interval of the parameter that holds the points before and after, and a fold between them."""
-    values = branch.parameter[index - 1 : index + 2]
+    values = branch.parameter[[index - 1 if index else -2, index, index + 1]]
     margin = float(np.ptp(values)) or 1e-6 * abs(float(values[1]))
     return float(values.min() - margin), float(values.max() + margin)

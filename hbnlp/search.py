@@ -11,6 +11,7 @@ import numpy as np
 
 from hbnlp.balance import HarmonicBalance
 from hbnlp.callbacks import Callbacks, Observers, StopTracing, ended_by
+from hbnlp.checks import instance_of, list_of_callables
 from hbnlp.continuation import Continuation, PseudoArclength, StopContinuation, start_point
 from hbnlp.curves import LoadCurve
 from hbnlp.errors import ConvergenceError, NonFiniteError, TaskError
@@ -98,10 +99,27 @@ def find_all(
         Called after each start with a `Progress`; one that raises `StopTracing` ends the search, as Ctrl-C does, with
         the solutions found so far.
 
+    Returns
+    -------
+    list of Solution
+
+    Raises
+    ------
+    KeyError, ValueError
+        For a parameter that is not known, or has no value.
+    TypeError
+        For a problem, method, generator or callbacks of another kind.
+    NonFiniteError
+        If the force or its derivative is not finite at rest.
+
     References
     ----------
     Farrell, Birkisson, Funke (2015), SIAM J. Sci. Comput. 37, A2026-A2045, doi:10.1137/140984798 (deflation).
     """
+    instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+    instance_of("method", method, Search | None, "hbnlp.Search(...)")
+    instance_of("rng", rng, np.random.Generator | None, "a Generator, numpy.random.default_rng(seed)")
+    list_of_callables("callbacks", callbacks)
     options, rng = method or Search(), rng or np.random.default_rng(0)
     values = problem.values(at)
     found: list[Solution] = []

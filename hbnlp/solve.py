@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance import HarmonicBalance
+from hbnlp.checks import instance_of
 from hbnlp.continuation import Continuation, PseudoArclength, StopContinuation, start_point
 from hbnlp.curves import LoadCurve
 from hbnlp.errors import ConvergenceError, NonFiniteError
@@ -128,13 +129,15 @@ def solve(
         If nothing converged and ``throw`` is true.
     KeyError, ValueError
         For a parameter that is not known, or has no value.
+    TypeError
+        For a problem or a method of another kind.
     NonFiniteError
         If there is no guess, and the force or its derivative is not finite at rest.
     """
+    instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     values = problem.values(at)
     method = Newton() if method is None else method
-    if not isinstance(method, Newton | Ipopt | Rootfinder):
-        raise TypeError(f"method is {method!r}; Newton(), Ipopt() or Rootfinder() is needed")
+    instance_of("method", method, Method, "Newton(), Ipopt() or Rootfinder()")
     if guess is not None:
         start = guess_for(problem, guess)
         if not np.all(np.isfinite(start)):

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance import HarmonicBalance
 from hbnlp.callbacks import Callbacks
+from hbnlp.checks import instance_of, list_of_callables
 from hbnlp.firstorder import Method
 from hbnlp.marching import march
 from hbnlp.newton import Newton
@@ -71,12 +72,17 @@ def sweep(
     Returns
     -------
     Sweep or TimeSweep
+
+    Raises
+    ------
+    ValueError, KeyError
+        For an unknown parameter, or values that are not finite.
+    TypeError
+        For a subject, a method, callbacks or an option of another kind.
     """
     if isinstance(subject, System):
-        if method is not None and not callable(getattr(method, "propagator", None)):
-            raise TypeError(f"method is {method!r}; a System is marched by RungeKutta4(...) or Adaptive(...)")
         given = {"method": method} if method is not None else {}
         return march(subject, name, values, at=at, callbacks=callbacks, **given, **options)
-    if not isinstance(subject, HarmonicBalance):
-        raise TypeError(f"subject is {subject!r}; a HarmonicBalance or a System is needed")
+    instance_of("subject", subject, HarmonicBalance, "a HarmonicBalance or a System")
+    list_of_callables("callbacks", callbacks)
     return NewtonMarch(subject, name, values, at=at, method=method or Newton(), **options).run(callbacks)

@@ -207,8 +207,15 @@ class System:
         return self.output_names.index(name)
 
     def state_matrices(self, values: Array) -> tuple[Array, Array, Array, Array]:
-        """Return M, D, K and L_x as numbers at the parameter values (ordered, n_parameters)."""
+        """Return M, D, K and L_x as numbers at the parameter values (ordered, n_parameters).
+
+        Raises
+        ------
+        ValueError
+            If the mass matrix is singular.
+        """
         mass, damping, stiffness, lag_output = (e.full() for e in self.matrices(values)[:4])
+        check_mass(mass)
         return mass, damping, stiffness, lag_output
 
     def linearisation(self, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None) -> Array:
@@ -291,6 +298,17 @@ class System:
             f"System {self.name!r}: {dofs}, {self.n_lags} lag states\n"
             f"  parameters: {given}\n"
             f"  outputs: {', '.join(self.output_names)}"
+        )
+
+
+def check_mass(mass: Array) -> None:
+    """Raise a ValueError if a mass matrix (n, n) is singular: there is no acceleration to solve for then."""
+    if np.linalg.slogdet(mass)[0] == 0.0:
+        bare = np.flatnonzero(~mass.any(axis=1)).tolist()
+        where = f" (row {bare[0]} is zero)" if bare else ""
+        raise ValueError(
+            f"the mass matrix is singular{where}; every degree of freedom needs some mass: "
+            "give it a small one, or eliminate it from the equations"
         )
 
 

@@ -28,9 +28,28 @@ def duffing(*, damping_ratio: float = 0.025, cubic: float = 0.1, force: float = 
 def chain(n_masses: int = 10, *, damping: float = 0.02, cubic: float = 0.5, force: float = 0.1) -> System:
     """Return a chain of unit masses on unit springs, each with a cubic spring to ground.
 
-    Its outputs are ``"x1"``, ``"x2"``, ...
     Linear springs and dampers stand between neighbours and from the first mass to ground; ``force`` cos(omega t) acts
     on the last mass. With its symmetry-breaking branch points and legs that come close it is hard on a continuation.
+
+    Parameters
+    ----------
+    n_masses : int
+    damping : float
+        Of the damper beside each linear spring; a parameter of the system, as are the next two.
+    cubic : float
+        Stiffness of the cubic springs.
+    force : float
+        Amplitude of the load on the last mass.
+
+    Returns
+    -------
+    System
+        Its outputs are the displacements ``"x1"``, ``"x2"``, ...
+
+    Raises
+    ------
+    ValueError
+        If there is no mass.
     """
     if n_masses < 1:
         raise ValueError(f"n_masses = {n_masses!r}; at least 1 is needed")
@@ -58,9 +77,24 @@ def tuned_absorber(
 ) -> System:
     """Return a Duffing oscillator with a nonlinear tuned vibration absorber.
 
-    Its outputs are ``"x1"`` (host) and ``"x2"`` (absorber):
     x1'' + c1 x1' + x1 + x1^3 and eps x2'', coupled by a damper c2, a spring k2 and a cubic spring; ``force`` cos(omega
     t) acts on the host. Its response has a detached branch (isola) for .123 < force < .181.
+
+    Parameters
+    ----------
+    force : float
+        Amplitude of the load on the host; a parameter of the system, as are all the others.
+    mass_ratio : float
+        eps, mass of the absorber; the host's is 1.
+    damping : float
+        c1, of the host.
+    absorber_stiffness, absorber_damping, absorber_cubic : float
+        k2, c2 and the factor of the cubic spring between the two.
+
+    Returns
+    -------
+    System
+        Its outputs are the displacements ``"x1"`` (host) and ``"x2"`` (absorber).
 
     References
     ----------

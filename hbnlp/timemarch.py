@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.callbacks import Callbacks, Observers, StopTracing
-from hbnlp.checks import real_number, whole_number
+from hbnlp.checks import instance_of, list_of_callables, real_number, whole_number
 from hbnlp.errors import ConvergenceError
 from hbnlp.firstorder import FirstOrderForm, Method, Window
 from hbnlp.fourier import Array, ComplexArray, to_complex
@@ -138,6 +138,8 @@ def integrate(
         If the response is not periodic after ``max_periods``, or ceases to be finite; ``.result`` is what there is.
     ValueError, KeyError
         For unknown parameters, an unstable step, a state of the wrong size.
+    TypeError
+        For a system, method or callbacks of another kind.
     KeyboardInterrupt
         On Ctrl-C; nothing is returned then (`march` keeps what it has).
 
@@ -146,6 +148,9 @@ def integrate(
     >>> response = integrate(system, at={"omega": 1.2}, method=Adaptive(), initial=[2.5, 0.0])  # doctest: +SKIP
     >>> abs(response.harmonics("x")[1])  # doctest: +SKIP
     """
+    instance_of("system", system, System, "a System, such as problem.system")
+    instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...)")
+    list_of_callables("callbacks", callbacks)
     check_limits(periods, max_periods, periodic_tol)
     values = system.parameters.values(at)
     state = initial_state(system, initial, values, periods)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import Branch, End
 from hbnlp.callbacks import Callbacks, Observers, StopTracing
+from hbnlp.checks import list_of_callables
 from hbnlp.continuation import PseudoArclength
 from hbnlp.errors import TaskError
 from hbnlp.solution import Solution
@@ -68,8 +69,8 @@ def trace(
 
     Raises
     ------
-    ValueError, KeyError
-        For a span or name that cannot be, or a branch that does not belong to the problem.
+    ValueError, KeyError, TypeError
+        For a span or name that cannot be, a singular mass matrix, or a branch that does not belong to the problem.
     ConvergenceError
         If the start does not converge.
     TaskError
@@ -80,6 +81,7 @@ def trace(
     LinearInstabilityWarning
         If the linear part of the system is unstable about rest.
     """
+    list_of_callables("callbacks", callbacks)
     tracer = Tracer(
         problem,
         name,

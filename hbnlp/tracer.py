@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from hbnlp.balance import HarmonicBalance
 from hbnlp.bifurcations import branch_point, crossings, floquet_bifurcation, refined_fold, with_multiplier
 from hbnlp.branch import Branch, End, Kind, SpecialPoint
+from hbnlp.checks import instance_of
 from hbnlp.continuation import Continuation, Point, PseudoArclength, Stop, StopContinuation, finish, start_point
 from hbnlp.curves import ParameterCurve
 from hbnlp.fourier import Array
@@ -53,13 +54,13 @@ class Tracer:
         method: PseudoArclength | None = None,
         resume: Branch | None = None,
     ) -> None:
+        instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+        instance_of("stability", stability, Floquet | None, "Floquet(...), or None for off")
+        instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
+        instance_of("resume", resume, Branch | None, "a Branch, from a file hbnlp.load_branch(path)")
         self.problem = problem
         self.name = name
         self.span = _checked_span(problem, name, span)
-        if stability is not None and not isinstance(stability, Floquet):
-            raise TypeError(f"stability is {stability!r}; Floquet(...), or None for off, is needed")
-        if method is not None and not isinstance(method, PseudoArclength):
-            raise TypeError(f"method is {method!r}; PseudoArclength(...) is needed")
         self.options = method or PseudoArclength()
         self.end: End | None = None
         self._records: list[Traced] = []

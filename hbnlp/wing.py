@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from hbnlp.aero import AeroROM
+from hbnlp.checks import instance_of
 from hbnlp.fourier import Array
 from hbnlp.membrane import Membrane
 from hbnlp.parameters import unknown_name
@@ -89,13 +90,9 @@ def membrane_wing(
 heave_amplitude=0, heave_phase=0, omega=?
       outputs: C_L, tension, midchord, alpha, z, alpha_acceleration, W1, W2, W3
     """
-    if not isinstance(membrane, Membrane):
-        raise TypeError(f"membrane is {membrane!r}; give a LinearMembrane, QuasiLinearMembrane or NonlinearMembrane")
-    if not isinstance(rom, AeroROM):
-        raise TypeError(
-            f"rom is {rom!r}; give an AeroROM, for instance hbnlp.aero.thin_airfoil(n_modes={membrane.n_modes})"
-        )
+    instance_of("membrane", membrane, Membrane, "a LinearMembrane, QuasiLinearMembrane or NonlinearMembrane")
     n = membrane.n_modes
+    instance_of("rom", rom, AeroROM, f"an AeroROM, for instance hbnlp.aero.thin_airfoil(n_modes={n})")
     if rom.n_modes < n:
         raise ValueError(
             f"the ROM has {rom.n_modes} modes and the membrane {n}: give a ROM with at least {n} modes, "

@@ -201,6 +201,8 @@ def test_statespace_of_another_form_is_refused():
         AeroROM.from_statespace(control.ss(system.A - np.eye(11), system.B, system.C, system.D))
     with pytest.raises(ValueError, match=r"sampling time 0\.1"):
         AeroROM.from_statespace(control.ss(system.A, system.B, system.C, system.D, 0.1))
+    with pytest.raises(TypeError, match=r"system is .*; give a control.StateSpace"):
+        AeroROM.from_statespace(control.tf([1.0], [1.0, 1.0]))
 
 
 def test_without_control_the_error_names_the_extra(monkeypatch):

@@ -253,3 +253,9 @@ def test_measurements_that_do_not_determine_the_variables_are_an_error():
 def test_the_summary_states_values_and_errors(identification, amplitudes):
     fit = identification.fit(amplitudes(), {"cubic": CUBIC, "force": FORCE}, noise=0.01)
     assert repr(fit).startswith("Identified from 9 amplitudes: cubic = 0.1 +- 0.00")
+
+
+def test_only_what_users_need_is_shown():
+    for module in (hbnlp.design, hbnlp.identification):
+        for name in module.__all__:
+            assert getattr(module, name).__module__ == module.__name__

@@ -236,6 +236,18 @@ def test_a_fold_of_another_system_does_not_converge(fold):
         fold_curve(HarmonicBalance(linear, 1), fold, "omega", "force")
 
 
+def test_arguments_of_another_kind_are_named(problem, fold):
+    for given, options, message in (
+        ((fold, fold), {}, r"fold is \(fold at .*; give one fold, such as branch.folds\[0\]"),
+        (fold, {"method": "x"}, r"method is 'x'; give PseudoArclength"),
+        (fold, {"callbacks": print}, r"callbacks is .*; give a list of callables"),
+    ):
+        with pytest.raises(TypeError, match=message):
+            fold_curve(problem, given, "omega", "force", **options)
+    with pytest.raises(ValueError, match=r"the span of force is \(0.1, 0.2, 0.3\); give two values"):
+        fold_curve(problem, fold, "omega", "force", second_span=(0.1, 0.2, 0.3))
+
+
 def test_what_is_no_fold_is_refused():
     absorber = HarmonicBalance(tuned_absorber(force=0.15), 5)
     branch = trace(absorber, "omega", (1.0, 1.3))

@@ -1,5 +1,8 @@
 """Identification: known rational functions are found exactly, the rest as well as the theory says."""
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 
@@ -82,6 +85,34 @@ def test_theodorsens_function_is_fitted_to_the_tolerance_with_stable_poles():
     found = identify(theodorsen_response(), tolerance=1e-3)
     assert found.error <= 1e-3
     assert found.rom.poles.real.max() < 0.0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_noise_is_not_fitted_by_more_poles(seed, caplog):
+    """Of 2 %: the error of the ROM is below the noise, and the log says what the noise is."""
+    exact, rng = theodorsen_response(), np.random.default_rng(seed)
+    errors = rng.standard_normal((2, *exact.values.shape)) / np.sqrt(2.0)
+    noisy = exact.values + 0.02 * np.abs(exact.values) * (errors[0] + 1j * errors[1])
+    found = identify(dataclasses.replace(exact, values=noisy))
+    assert found.n_poles == 4
+    assert exact.column_errors(found.rom.transfer(1j * OMEGA)).max() < 0.02
+    (record,) = caplog.records
+    assert re.search(
+        rf"the error is {found.error:.2e} with 4 poles, .* up to 40 poles only fit the noise, some 2.0e-02: set toler",
+        record.getMessage(),
+    )
+
+
+def test_data_without_noise_get_the_poles_that_help_also_where_the_tolerance_is_not_reached(caplog):
+    response = theodorsen_response()
+    found = identify(response, tolerance=1e-9, most_poles=12)
+    assert found.n_poles == 12
+    assert "more poles may reach it, most_poles" in caplog.text
+
+
+def test_a_file_name_is_no_response():
+    with pytest.raises(TypeError, match=r"response is 'own.csv'; give a FrequencyResponse, .*from_csv"):
+        identify("own.csv")
 
 
 def test_a_fit_gets_better_with_every_four_poles():
@@ -198,6 +229,34 @@ def test_a_table_with_a_missing_entry_is_refused(tmp_path):
     response_of(known_fit()).to_csv(tmp_path / "g.csv")
     lines = (tmp_path / "g.csv").read_text().splitlines()
     (tmp_path / "g.csv").write_text("\n".join(lines[:-1]))
+    with pytest.raises(ValueError, match="exactly once"):
+        FrequencyResponse.from_csv(tmp_path / "g.csv")
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("0.0,0,0,abc,0.0", r"line 3, column 'real': 'abc'; a finite number is needed"),
+        ("0.0,C_L,0,1.0,0.0", r"line 3, column 'load': 'C_L'; a whole number is needed: C_L is 0, dCp_1 is 1"),
+        ("0.0,0,1.5,1.0,0.0", r"line 3, column 'motion': '1.5'; a whole number is needed: alpha is 0"),
+        ("0.0,-1,0,1.0,0.0", r"line 3, column 'load': '-1'; a whole number"),
+        ("-0.1,0,0,1.0,0.0", r"line 3, column 'omega': '-0.1'; a finite number is needed, not negative"),
+        ("0.0,0,0,1.0,NaN", r"line 3, column 'imag': 'NaN'; a finite number is needed"),
+        ("0.0,0,0,1.0,0.0,9", r"line 3: \['0.0', '0', '0', '1.0', '0.0', '9'\] are 6 columns; \('omega', 'load'"),
+    ],
+)
+def test_a_cell_that_is_no_number_is_named(row, message, tmp_path):
+    response_of(known_fit()).to_csv(tmp_path / "g.csv")
+    lines = (tmp_path / "g.csv").read_text().splitlines()
+    (tmp_path / "g.csv").write_text("\n".join([*lines[:2], row, *lines[3:]]))
+    with pytest.raises(ValueError, match=message):
+        FrequencyResponse.from_csv(tmp_path / "g.csv")
+
+
+def test_a_table_with_an_entry_twice_is_refused(tmp_path):
+    response_of(known_fit()).to_csv(tmp_path / "g.csv")
+    lines = (tmp_path / "g.csv").read_text().splitlines()
+    (tmp_path / "g.csv").write_text("\n".join([*lines, lines[-1]]))
     with pytest.raises(ValueError, match="exactly once"):
         FrequencyResponse.from_csv(tmp_path / "g.csv")
 

@@ -150,3 +150,11 @@ def test_bad_input_is_named(name, values, options, error, message):
         return
     with pytest.raises(error, match=message):
         march(duffing(), name, values, **options)
+
+
+def test_arguments_of_another_kind_are_named():
+    with pytest.raises(TypeError, match="system is 'duffing'; give a System"):
+        march("duffing", "omega", [1.0])
+    for option in ("method", "callbacks"):
+        with pytest.raises(TypeError, match=f"{option} is 'x'; give"):
+            march(duffing(), "omega", [1.0], **{option: "x"})

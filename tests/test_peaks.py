@@ -10,6 +10,7 @@ from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import Kind, load_branch
 from hbnlp.errors import ConvergenceError
 from hbnlp.peaks import locate_peak, peaks
+from hbnlp.search import find_all
 from hbnlp.solve import Ipopt, solve
 from hbnlp.system import System
 from hbnlp.systems import duffing, tuned_absorber
@@ -108,6 +109,22 @@ def test_all_maxima_along_a_folded_branch_are_found_in_order():
             assert low <= peak.value <= high
             values = problem.values(peak.solution.parameters)
             assert np.abs(problem.assembly.residual(peak.solution.coefficients.ravel(), values)).max() < 1e-9
+
+
+def test_the_peak_of_a_closed_branch_is_found_wherever_it_begins():
+    problem = HarmonicBalance(tuned_absorber(force=0.15), 5)
+    large = find_all(problem, at={"omega": 1.9})[-1]
+    isola = trace(problem, "omega", (0.8, 2.6), start=large, stability=None)
+    assert isola.closed
+    (peak,) = peaks(isola, "x1")
+    again = trace(problem, "omega", (0.8, 2.6), start=peak.solution, stability=None)
+    assert again.closed
+    (at_the_seam,) = peaks(again, "x1")
+    assert at_the_seam.index == 0
+    assert at_the_seam.value == pytest.approx(peak.value, rel=1e-9)
+    for output, harmonic in (("x2", 1), ("x1", 3)):
+        one, other = (sorted(p.value for p in peaks(loop, output, harmonic=harmonic)) for loop in (isola, again))
+        assert one == pytest.approx(other, rel=1e-9)
 
 
 def test_a_branch_from_a_file_needs_its_problem(tmp_path):

@@ -176,3 +176,19 @@ def test_a_search_cannot_be_saved_on_the_way_and_says_so_at_once(tmp_path):
     with pytest.raises(TaskError, match="searching results in a list, which Autosave cannot write") as caught:
         find_all(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, callbacks=[Autosave(tmp_path / "found.npz")])
     assert len(caught.value.result) >= 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "deflation"}, r"method is 'deflation'; give hbnlp.Search"),
+        ({"rng": 3}, r"rng is 3; give a Generator, numpy.random.default_rng\(seed\)"),
+        ({"callbacks": print}, r"callbacks is .*; give a list of callables"),
+    ],
+)
+def test_arguments_of_another_kind_are_named(options, message):
+    problem = HarmonicBalance(duffing(), 1)
+    with pytest.raises(TypeError, match=message):
+        find_all(problem, at={"omega": 1.2}, **options)
+    with pytest.raises(TypeError, match=r"problem is System .*; give a HarmonicBalance"):
+        find_all(problem.system, at={"omega": 1.2})

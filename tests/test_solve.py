@@ -210,6 +210,11 @@ def test_what_is_no_method_is_refused_with_those_that_are(method):
         solve(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, method=method)
 
 
+def test_a_system_is_no_problem():
+    with pytest.raises(TypeError, match=r"problem is System .*; give a HarmonicBalance\(system, n_harmonics"):
+        solve(duffing(), at={"omega": 1.2})
+
+
 def test_parameters_are_checked_by_name_and_value():
     problem = HarmonicBalance(duffing(), 3)
     with pytest.raises(ValueError, match="parameter 'omega' has no value; give one"):

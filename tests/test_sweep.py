@@ -171,6 +171,9 @@ def test_bad_arguments_are_refused(problem):
         sweep(problem, "omega", [1.0], strt=None)
     with pytest.raises(TypeError, match="HarmonicBalance"):
         sweep("a system", "omega", [1.0])
+    for subject in (problem, duffing()):
+        with pytest.raises(TypeError, match=r"callbacks is .*; give a list of callables"):
+            sweep(subject, "omega", [1.0], callbacks=print)
 
 
 def test_an_unknown_output_is_refused(marched):

@@ -10,7 +10,7 @@ import pytest
 from hbnlp.aero import thin_airfoil
 from hbnlp.balance import HarmonicBalance
 from hbnlp.branch import End, Kind, load_branch
-from hbnlp.callbacks import Autosave, StopTracing
+from hbnlp.callbacks import Autosave, ProgressBar, StopTracing
 from hbnlp.continuation import PseudoArclength
 from hbnlp.errors import ConvergenceError, LinearInstabilityWarning, SaveError, TaskError
 from hbnlp.membrane import QuasiLinearMembrane
@@ -791,10 +791,26 @@ def test_a_start_outside_of_the_span_is_refused(problem):
         trace(problem, "omega", (0.5, 1.6), at={"omega": 2.0})
 
 
-@pytest.mark.parametrize("option", ["stability", "method"])
+@pytest.mark.parametrize("option", ["stability", "method", "resume", "callbacks"])
 def test_options_that_are_no_options_are_refused(problem, option):
     with pytest.raises(TypeError, match=option):
         trace(problem, "omega", (0.5, 1.6), **{option: "yes"})
+
+
+def test_what_goes_wrong_most_often_is_told_what_to_do(problem):
+    with pytest.raises(TypeError, match=r"problem is System .*; give a HarmonicBalance\(system, n_harmonics"):
+        trace(problem.system, "omega", (0.5, 1.6))
+    with pytest.raises(TypeError, match=r"resume is 'duffing.npz'; give a Branch, .*hbnlp.load_branch\(path\)"):
+        trace(problem, "omega", (0.5, 1.6), resume="duffing.npz")
+    with pytest.raises(TypeError, match=r"callbacks is .*ProgressBar.*; give a list of callables"):
+        trace(problem, "omega", (0.5, 1.6), callbacks=ProgressBar())
+
+
+@pytest.mark.parametrize("stability", [Floquet(), None])
+def test_a_singular_mass_matrix_is_named(stability):
+    system = System(np.diag([1.0, 0.0]), 0.1 * np.eye(2), np.eye(2), forcing=lambda tau, p: [ca.cos(tau), 0.0])
+    with pytest.raises(ValueError, match=r"mass matrix is singular \(row 1 is zero\); every degree of freedom needs"):
+        trace(HarmonicBalance(system, 1), "omega", (0.5, 0.8), stability=stability)
 
 
 BAD_STEPS = [

@@ -19,6 +19,7 @@ ComplexArray = NDArray[np.complex128]
 
 _KIND = "FrequencyResponse"
 _CSV_HEADER = ("omega", "load", "motion", "real", "imag")
+_CSV_WHOLE = {"load": "C_L is 0, dCp_1 is 1, ...", "motion": "alpha is 0, z is 1, W_1 is 2, ..."}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -164,21 +165,22 @@ class FrequencyResponse:
         Raises
         ------
         ValueError
-            If the header differs, an entry is missing or given twice, or the static value is missing.
+            If the header differs, a cell is no finite number, an entry is missing or given twice, or the static value
+            is missing; it names line, column and value.
         """
         with Path(path).open(newline="") as handle:
             reader = csv.reader(handle)
             header = tuple(name.strip() for name in next(reader, []))
             if header != _CSV_HEADER:
                 raise ValueError(f"the header of {os.fspath(path)!r} is {header}; {_CSV_HEADER} is needed")
-            rows = np.array([[float(cell) for cell in row] for row in reader if row])
+            rows = np.array([_csv_row(f"{os.fspath(path)!r}, line {reader.line_num}", row) for row in reader if row])
         if rows.size == 0 or rows[:, 0].min() != 0.0:
             raise ValueError(f"{os.fspath(path)!r} has no rows with omega 0; add the static value")
         omega, at = np.unique(rows[:, 0], return_inverse=True)
         loads, motions = rows[:, 1].astype(int), rows[:, 2].astype(int)
         values = np.full((omega.size, loads.max() + 1, motions.max() + 1), np.nan, dtype=complex)
         values[at, loads, motions] = rows[:, 3] + 1j * rows[:, 4]
-        if np.isnan(values).any() or len(rows) != values.size:
+        if len(np.unique(rows[:, :3], axis=0)) != len(rows) or len(rows) != values.size:
             raise ValueError(
                 f"{os.fspath(path)!r} has {len(rows)} rows for {omega.size} frequencies and "
                 f"{values.shape[1:]} matrices; every entry is needed exactly once, {values.size} rows"
@@ -195,3 +197,25 @@ class FrequencyResponse:
             f"FrequencyResponse: {self.n_modes} modes, {self.omega.size} frequencies "
             f"{self.omega[0]:g} to {self.omega[-1]:g}" + (f"\n  {source[:110]}" if source else "")
         )
+
+
+def _csv_row(where: str, cells: list[str]) -> list[float]:
+    """Return the numbers of one row of a table, or raise the ValueError that names the cell that is wrong."""
+    if len(cells) != len(_CSV_HEADER):
+        raise ValueError(f"{where}: {cells} are {len(cells)} columns; {_CSV_HEADER} are needed")
+    numbers = []
+    for name, cell in zip(_CSV_HEADER, cells, strict=True):
+        try:
+            number = float(cell)
+        except ValueError:
+            number = np.nan
+        accepted = (
+            f"a whole number is needed: {_CSV_WHOLE[name]}" if name in _CSV_WHOLE else "a finite number is needed"
+        )
+        if name == "omega":
+            accepted += ", not negative"
+        wrong = name in (*_CSV_WHOLE, "omega") and number < 0.0
+        if wrong or not np.isfinite(number) or (name in _CSV_WHOLE and not number.is_integer()):
+            raise ValueError(f"{where}, column {name!r}: {cell!r}; {accepted}")
+        numbers.append(number)
+    return numbers

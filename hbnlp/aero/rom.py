@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hbnlp.aero import statespace
 from hbnlp.aero.provenance import Provenance
-from hbnlp.checks import whole_number
+from hbnlp.checks import instance_of, whole_number
 from hbnlp.errors import OutsideBandWarning
 from hbnlp.storage import load_arrays, save_arrays
 
@@ -142,8 +142,7 @@ class AeroROM:
                 "identify the ROM again with stable poles, or drop the lag states that are not"
             )
         provenance = Provenance() if provenance is None else provenance
-        if not isinstance(provenance, Provenance):
-            raise TypeError(f"provenance is {provenance!r}; give hbnlp.aero.Provenance(source=..., reynolds=...)")
+        instance_of("provenance", provenance, Provenance, "hbnlp.aero.Provenance(source=..., reynolds=...)")
         for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -245,6 +244,11 @@ class AeroROM:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the ROM to one ``.npz`` file, without pickle, all of it or nothing; the name is taken as given.
 
+        Parameters
+        ----------
+        path : str or path-like
+            The file; one of this name is replaced.
+
         Raises
         ------
         SaveError
@@ -257,6 +261,14 @@ class AeroROM:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> AeroROM:
         """Read a ROM that `save` wrote; it is validated again.
+
+        Parameters
+        ----------
+        path : str or path-like
+
+        Returns
+        -------
+        AeroROM
 
         Raises
         ------
@@ -304,6 +316,8 @@ class AeroROM:
         ------
         ValueError
             If the system is not of that form or its lag states are not strictly stable.
+        TypeError
+            If it is no state-space system.
         """
         matrices = statespace.unpack(system)
         return cls(**matrices, base_motion=base_motion, base_load=base_load, provenance=provenance)

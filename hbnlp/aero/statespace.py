@@ -11,6 +11,7 @@ so that K, D, M, A, B and C are stored as they are and a round trip changes no b
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,7 +71,13 @@ def unpack(system: control.StateSpace) -> dict[str, Array]:
     ------
     ValueError
         If the system is in discrete time or is not of that form.
+    TypeError
+        If it is no state-space system.
     """
+    if not all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt")):
+        raise TypeError(
+            f"system is {textwrap.shorten(repr(system), 120)}; give a control.StateSpace, such as to_statespace() gives"
+        )
     if system.dt not in (None, 0):
         raise ValueError(f"the system has the sampling time {system.dt}; give a continuous-time one (dt = 0)")
     a, b, c, d = (np.asarray(matrix, dtype=float) for matrix in (system.A, system.B, system.C, system.D))

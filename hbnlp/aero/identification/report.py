@@ -16,7 +16,7 @@ from hbnlp.aero.identification.modal import lag_states
 from hbnlp.aero.identification.vector_fitting import PoleFit, vector_fit
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.checks import real_number
+from hbnlp.checks import instance_of, real_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
+
+NO_BETTER = 1.2
+"""More poles that lower the estimated noise by no more than this factor fit the noise itself."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -89,11 +92,17 @@ def identify(
 
     The static value is exact, the lag states are stable by construction.
 
+    Where no number of poles reaches the tolerance, the data are taken to be noisy. A fit of n poles to m frequencies
+    has n + 2 coefficients for the 2 m real numbers of an entry, so the noise is estimated as the root mean square of
+    the column errors over ``sqrt(1 - (n + 2) / 2 m)``; the fewest poles are taken whose estimate is within a fifth of
+    the least one. Further poles lower the error in the data, and raise that of the ROM.
+
     Parameters
     ----------
     response : FrequencyResponse
     tolerance : float
-        Largest relative error of any column within the band, for the fit before reduction.
+        Largest relative error of any column within the band, for the fit before reduction. For measured data, the
+        largest error of the data.
     band : tuple of two floats, optional
         Frequencies at which the error counts; all by default. Data outside are fitted as well.
     n_lags : int, optional
@@ -114,25 +123,37 @@ def identify(
     ------
     ValueError
         If the band holds no data, or ``n_lags`` is more than the fit has.
+    TypeError
+        If ``response`` is something else.
     """
+    instance_of("response", response, FrequencyResponse, "a FrequencyResponse, of a table FrequencyResponse.from_csv")
     real_number("tolerance", tolerance, above=0.0)
     band = (float(response.omega[0]), float(response.omega[-1])) if band is None else band
     inside = response.band(*band)
     limit = min(most_poles, response.omega.size - 2)
-    best: tuple[float, PoleFit] | None = None
+    tried: list[tuple[float, float, PoleFit]] = []
     for n_poles in range(min(4, limit), limit + 1, 2):
         fit = vector_fit(response, n_poles=n_poles, damping=damping, least_damping=least_damping)
-        error = float(inside.column_errors(fit.transfer(np.asarray(1j * inside.omega, dtype=complex))).max())
-        logger.info("%d poles: error %.2e", n_poles, error)
-        if best is None or error < best[0]:
-            best = (error, fit)
+        errors = inside.column_errors(fit.transfer(np.asarray(1j * inside.omega, dtype=complex)))
+        error = float(errors.max())
+        noise = float(np.sqrt(np.mean(errors**2) / (1.0 - (n_poles + 2) / (2 * response.omega.size))))
+        logger.info("%d poles: error %.2e, noise %.2e if any", n_poles, error, noise)
+        tried.append((error, noise, fit))
         if error <= tolerance:
             break
-    if best is None:
+    if not tried:
         raise ValueError(f"{response.omega.size} frequencies are too few; give at least 6")
-    error, fit = best
+    error, noise, fit = tried[-1]
     if error > tolerance:
-        logger.warning("the error is %.2e with %d poles, above the tolerance %.2e", error, fit.poles.size, tolerance)
+        enough = NO_BETTER * min(noise for _, noise, _ in tried)
+        error, noise, fit = next(each for each in tried if each[1] <= enough)
+        most = tried[-1][2].poles.size
+        advice = f"up to {most} poles only fit the noise, some {noise:.1e}: set tolerance to its largest, {error:.1e}"
+        if fit.poles.size == most:
+            advice = "more poles may reach it, most_poles, or data at more frequencies"
+        logger.warning(
+            "the error is %.2e with %d poles, above the tolerance %.2e; %s", error, fit.poles.size, tolerance, advice
+        )
     rom = rom_from_poles(fit, response, band=band, error=error)
     if n_lags is not None:
         rom = reduce_to_band(rom, inside, n_lags=n_lags, known=tuple(damping or ()))
