@@ -24,8 +24,8 @@ from hbnlp.dns.grid import PLATE_OVERHANG, Grid
 # half the support of the kernel, in cells, plus the reach of the curl
 _ROMA_MARGIN = 3.0
 _SHARP_MARGIN = 3.0
-# cubic interpolation to the plate's line from the node rows -1, 0 below and 1, 2 above it; Grid.PLATE_OVERHANG depends
-# on these weights
+# cubic interpolation to the plate's line from the node rows -1, 0 below and 1, 2 above it; `grid.PLATE_OVERHANG`
+# depends on these weights
 PLATE_WEIGHTS = {-1: -1.0 / 16.0, 0: 9.0 / 16.0, 1: 9.0 / 16.0, 2: -1.0 / 16.0}
 
 
