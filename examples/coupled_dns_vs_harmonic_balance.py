@@ -15,7 +15,7 @@ Where it settles, lift on the finer grid agrees within three per cent on both br
 motion is up to 8 per cent off beside its fold. How much of that is the grid and how much nonlinearity of the flow is in
 the tables of :doc:`/dns`.
 
-The runs take minutes (``python benchmarks/dns_validation.py march_up_25 march_down_25``) and are read from files; the
+The runs take minutes (``python benchmarks/dns_validation.py march_up_50 march_down_50``) and are read from files; the
 branches take seconds.
 """
 
@@ -70,6 +70,6 @@ for way, marker, colour in (("up", "^", "tab:blue"), ("down", "v", "tab:orange")
             assert abs(difference) < (0.09 if cells == 25 and branch is small else 0.03)
 
 ax.set(yscale="log", xlim=(0.8, 8.2), ylabel="$|C_L|$ (first harmonic)")
-ax.legend(frameon=False)
+ax.legend(frameon=False, fontsize="small")
 Path("figures").mkdir(exist_ok=True)
 ax.figure.savefig("figures/coupled_dns_vs_harmonic_balance.png", dpi=110)
