@@ -44,7 +44,7 @@ def _complexes(pairs: Any) -> np.ndarray:
 def grid_response(cells: int) -> hbnlp.aero.FrequencyResponse:
     """Linear response of the flow solver on a grid.
 
-    Columns without a run (heave, which no pitching wing needs; modes 7 to 10 on the fine grid) are the finite
+    Columns without a run (heave, which no pitching wing needs; modes 5 to 10 on the fine grid) are the finite
     elements'. The static response is theirs plus the difference at the lowest frequency: no run is at rest.
     """
     omega = np.array(_read(f"band_pitch_{cells}")["omega"])
@@ -115,9 +115,9 @@ def _apart(run: complex, model: complex) -> str:
 
 
 def coupled_rows(found: dict[str, Model]) -> list[Row]:
-    """Omega = 2: two grids and two time steps at two amplitudes, and what is left when both go to zero.
+    """Omega = 2: two grids and two time steps at two amplitudes, and what is left when the time step goes to zero.
 
-    The time step's error is of second order, the grid's of first; runs that are not there are left out.
+    The time step's error is of second order; runs that are not there are left out.
     """
     header = [
         "alpha_2 (deg)",
@@ -133,24 +133,21 @@ def coupled_rows(found: dict[str, Model]) -> list[Row]:
     rows = [header]
     for degrees in (0.25, 2.5):
         shipped = found["nonlinear, shipped"].upper[degrees, 2.0]
-        limits = []
         for cells in (25, 50):
             same = found[f"nonlinear, {cells}"].upper[degrees, 2.0]
-            steps = []
+            steps, spacing = [], 0.0
             for suffix in ("", "_half_dt"):
                 name = f"coupled_{degrees:g}_{cells}{suffix}"
                 if not (DATA / f"{name}.json").exists():
                     continue
                 data = _read(name)
+                spacing = data["h"]
                 steps.append(complex(*data["lift"]))
-                about = [f"{degrees:g}", f"{data['h']:.2f}", f"{data['dt']:.4f}"]
+                about = [f"{degrees:g}", f"{data['h']:.4f}", f"{data['dt']:.4f}"]
                 rows.append([*about, *_compared(steps[-1], same, shipped), f"{data['provenance']['cpu_seconds']:.0f}"])
             if len(steps) == 2:
-                limits.append(steps[1] + (steps[1] - steps[0]) / 3.0)
-                rows.append([f"{degrees:g}", f"{1.0 / cells:.2f}", "to 0", *_compared(limits[-1], same, shipped), ""])
-        if len(limits) == 2:
-            limit = 2.0 * limits[1] - limits[0]
-            rows.append([f"{degrees:g}", "to 0", "to 0", *_compared(limit, None, shipped), ""])
+                limit = steps[1] + (steps[1] - steps[0]) / 3.0
+                rows.append([f"{degrees:g}", f"{spacing:.4f}", "to 0", *_compared(limit, same, shipped), ""])
         for kind in ("nonlinear", "quasi-linear"):
             model = found[f"{kind}, shipped"]
             value = model.upper[degrees, 2.0]
@@ -160,9 +157,8 @@ def coupled_rows(found: dict[str, Model]) -> list[Row]:
     return rows
 
 
-def _compared(lift: complex, same: complex | None, shipped: complex) -> Row:
-    beside = ["", ""] if same is None else [f"{abs(same):.5f}", _apart(lift, same)]
-    return [*_polar(lift), *beside, _apart(lift, shipped)]
+def _compared(lift: complex, same: complex, shipped: complex) -> Row:
+    return [*_polar(lift), f"{abs(same):.5f}", _apart(lift, same), _apart(lift, shipped)]
 
 
 def _polar(lift: complex) -> Row:
@@ -185,7 +181,7 @@ def branch_rows(found: dict[str, Model]) -> list[Row]:
             same, shipped = (getattr(found[f"nonlinear, {name}"], side)[2.5, omega] for name in (cells, "shipped"))
             lift = complex(*hold["lift"][0])
             rows.append(
-                [{"up": "below", "down": "above"}[way], f"{omega:g}", f"{-h:.2f}", f"{-dt:.4f}", f"{abs(lift):.4f}",
+                [{"up": "below", "down": "above"}[way], f"{omega:g}", f"{-h:.4f}", f"{-dt:.4f}", f"{abs(lift):.4f}",
                  f"{100.0 * hold['change_over_last_period']:.2f}", f"{hold['camber']:.3f}", f"{abs(same):.4f}",
                  _apart(lift, same), f"{abs(shipped):.4f}", _apart(lift, shipped), f"{hold['cpu_seconds']:.0f}",
                  f"{found[f'nonlinear, {cells}'].cpu_seconds:.2f}"]

@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from hbnlp import dns
+from hbnlp import NonlinearMembrane, dns
 
 
 def milliseconds(flow: dns.Simulation, steps: int) -> float:
@@ -27,11 +27,10 @@ def milliseconds(flow: dns.Simulation, steps: int) -> float:
 def cases(cells: int) -> dict[str, dns.Simulation]:
     """The flows that are timed."""
     grid = dns.Grid.around_plate(cells=cells, levels=5, above=1.0)
-    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=10)
     motion = dns.Motion.sinusoidal(2.0, pitch=0.04)
     return {
         "fixed plate": dns.Simulation(grid, dns.SharpPlate()),
-        "membrane": dns.Simulation(grid, dns.Membrane(mass_ratio=0.5, law=law), motion=motion),
+        "membrane": dns.Simulation(grid, dns.Membrane(NonlinearMembrane()), motion=motion),
     }
 
 

@@ -105,7 +105,6 @@ def march(
     del parameters[name]
 
     def result(ending: str = "under way") -> TimeSweep:
-        message = ending or f"all {marched.size} values reached"
         return _time_sweep(
             points,
             system,
@@ -115,7 +114,7 @@ def march(
             periods=int(periods),
             method=repr(method),
             complete=not ending,
-            message=message,
+            message=ending or f"all {marched.size} values reached",
         )
 
     observers, ending = Observers(callbacks, f"integrating along {name}", name), ""
@@ -135,8 +134,8 @@ def march(
                 break
             points.append(here)
             state = response.state
-            jumps = sum(p.jumped_from is not None for p in points)
-            observers.tell(value, len(points) / marched.size, {"values": len(points), "jumps": jumps}, result)
+            counts = {"values": len(points), "jumps": sum(p.jumped_from is not None for p in points)}
+            observers.tell(value, len(points) / marched.size, counts, result)
     except (KeyboardInterrupt, StopTracing) as stop:
         ending = f"{ended_by(stop)} after {len(points)} of {marched.size} values"
         ending += "; go on from initial=sweep.states[-1]" if points else ""

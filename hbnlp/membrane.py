@@ -127,6 +127,10 @@ class Membrane(ABC):
     def _elongation_gradient(self, W: Any) -> Any:
         """Return d(delta)/dW_k, of the shape of W."""
 
+    @abstractmethod
+    def _elongation_curvature(self, W: Array) -> Array:
+        """Return d2(delta)/dW_j dW_k of an array (N,), (N, N)."""
+
     # -- laws -------------------------------------------------------------------------------------------------------
 
     def tension(self, W: Any, p: MembraneProperties | None = None) -> Any:
@@ -137,6 +141,20 @@ class Membrane(ABC):
     def restoring_force(self, W: Any, p: MembraneProperties | None = None) -> Any:
         """Return 2 c_T d(delta)/dW_k, the loads dCp_k that hold the membrane in this shape, of the shape of W."""
         return 2.0 * self.tension(W, p) * self._elongation_gradient(W)
+
+    def tangent_stiffness(self, W: ArrayLike, p: MembraneProperties | None = None) -> Array:
+        """Return the restoring force's derivative at the shape ``W``, (N, N), of an array (N,) only."""
+        p = self if p is None else p
+        amplitudes = np.asarray(W, dtype=float)
+        gradient = self._elongation_gradient(amplitudes)
+        strain = p.prestrain + self.elongation(amplitudes)
+        curvature = self._elongation_curvature(amplitudes)
+        return np.asarray(4.0 * p.stiffness * (np.outer(gradient, gradient) + strain * curvature))
+
+    def energy(self, W: Any, p: MembraneProperties | None = None) -> Any:
+        """Return 2 Eh (delta0 + delta)^2, the potential of the restoring force, beside mu sum W_k'^2 of the motion."""
+        p = self if p is None else p
+        return 2.0 * p.stiffness * (p.prestrain + self.elongation(W)) ** 2
 
     def mass_matrix(self, p: MembraneProperties | None = None) -> Any:
         """Return 2 mu I, (N, N)."""
@@ -184,8 +202,21 @@ class LinearMembrane(Membrane):
         p = self if p is None else p
         return 2.0 * p.stiffness * p.prestrain + 0.0 * _row(np.zeros(self.n_modes), W)
 
+    def tangent_stiffness(self, W: ArrayLike, p: MembraneProperties | None = None) -> Array:  # noqa: ARG002
+        """Return k^2 pi^2 c_T0 on the diagonal, (N, N), whatever W."""
+        p = self if p is None else p
+        return np.diag(2.0 * p.stiffness * p.prestrain * self.wave_numbers**2)
+
+    def energy(self, W: Any, p: MembraneProperties | None = None) -> Any:
+        """Return 2 Eh delta0 (delta0 + 2 delta), the potential of the restoring force."""
+        p = self if p is None else p
+        return 2.0 * p.stiffness * p.prestrain * (p.prestrain + 2.0 * self.elongation(W))
+
     def _elongation_gradient(self, W: Any) -> Any:
         return _times(np.diag(self.wave_numbers**2 / 2.0), W)
+
+    def _elongation_curvature(self, W: Array) -> Array:  # noqa: ARG002
+        return np.diag(self.wave_numbers**2 / 2.0)
 
     def nonlinear_force(self, W: Any, p: MembraneProperties | None = None) -> Any:  # noqa: ARG002
         """Return zeros."""
@@ -219,6 +250,9 @@ class QuasiLinearMembrane(Membrane):
 
     def _elongation_gradient(self, W: Any) -> Any:
         return _times(np.diag(self.wave_numbers**2 / 2.0), W)
+
+    def _elongation_curvature(self, W: Array) -> Array:  # noqa: ARG002
+        return np.diag(self.wave_numbers**2 / 2.0)
 
 
 @final
@@ -275,6 +309,10 @@ class NonlinearMembrane(Membrane):
     def _elongation_gradient(self, W: Any) -> Any:
         slope = _times(self._slopes, W)
         return _times(self._slopes.T / len(self._slopes), slope / (1.0 + slope**2) ** 0.5)
+
+    def _elongation_curvature(self, W: Array) -> Array:
+        slope = self._slopes @ W
+        return np.asarray((self._slopes.T * (1.0 + slope**2) ** -1.5) @ self._slopes / len(self._slopes))
 
 
 def _times(matrix: Array, W: Any) -> Any:

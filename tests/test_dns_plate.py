@@ -34,8 +34,8 @@ def test_potential_impulse_gives_the_known_added_mass() -> None:
     assert potential_impulse(lambda x: -x)[1] == pytest.approx(math.pi / 4, abs=1e-6)
 
 
-def _first_step(cells: int, case: str) -> np.ndarray:
-    """Impulse of (C_L, dCp_1 .. dCp_3) over a first step so short that viscosity plays no part."""
+def _first_step(cells: int, case: str) -> tuple[float, np.ndarray]:
+    """Cell size, and impulse of (C_L, dCp_1 .. dCp_3) over a first step so short that viscosity plays no part."""
     rate = 1e-3
     first, zero = rate * np.eye(3)[0], np.zeros(3)
     body: dns.SharpPlate
@@ -50,7 +50,7 @@ def _first_step(cells: int, case: str) -> np.ndarray:
         dns.Grid.around_plate(cells=cells, levels=4), body, reynolds=1000.0, dt=1e-5, stream=stream, motion=motion
     )
     flow.step()
-    return np.concatenate([[flow.last.lift], flow.last.coefficients]) * flow.dt / rate
+    return flow.grid.spacing, np.concatenate([[flow.last.lift], flow.last.coefficients]) * flow.dt / rate
 
 
 @pytest.mark.parametrize(
@@ -65,11 +65,11 @@ def _first_step(cells: int, case: str) -> np.ndarray:
 def test_impulsive_loads_converge_to_potential_theory(case: str, velocity) -> None:
     coefficients, lift = potential_impulse(velocity)
     exact = np.concatenate([[lift], coefficients])
-    coarse, fine = _first_step(25, case), _first_step(50, case)
+    (wide, coarse), (h, fine) = _first_step(25, case), _first_step(50, case)
     scale = np.abs(exact).max()
-    # vortex sheets half a cell off the plate: first order in h, error about 2.7 h relative
-    assert np.abs(fine - exact).max() < 0.6 * np.abs(coarse - exact).max()
-    np.testing.assert_allclose(2.0 * fine - coarse, exact, atol=0.02 * scale)
+    # vortex sheets off the plate: first order in h (measured 0.93 to 1.00), error 2.1 to 4.1 h relative
+    assert 0.9 < math.log(np.abs(coarse - exact).max() / np.abs(fine - exact).max()) / math.log(wide / h) < 1.1
+    np.testing.assert_allclose(fine + h / (wide - h) * (fine - coarse), exact, atol=0.01 * scale)
 
 
 def _run(
@@ -144,10 +144,13 @@ def test_small_deflections_act_linearly() -> None:
 
 
 def test_loads_do_not_depend_on_the_map() -> None:
-    """Another height of the taper is another coordinate system for the same flow: only truncation errors differ."""
+    """Another height of the taper is another coordinate system for the same flow: only truncation errors differ.
+
+    The height goes with that of the fine box, and the far field with it: five levels put that far enough.
+    """
     body = dns.SharpPlate.oscillating(2.0, np.array([0.1, 0.03]))
     motion = dns.Motion.sinusoidal(2.0, pitch=0.05)
-    low, high = (_run(body, motion, steps=60, above=above) for above in (0.775, 1.025))
+    low, high = (_run(body, motion, steps=60, above=above, levels=5) for above in (0.775, 1.025))
     late = slice(20, None)
     for name, tolerance in (("lift", 0.004), ("drag", 0.004)):
         one, other = getattr(low, name)[late], getattr(high, name)[late]
@@ -156,11 +159,13 @@ def test_loads_do_not_depend_on_the_map() -> None:
 
 def test_drag_and_lift_of_a_coarse_plate() -> None:
     flow = dns.Simulation(
-        dns.Grid.around_plate(cells=16, levels=5), dns.SharpPlate(), dt=0.025, motion=dns.Motion.at_incidence(1.0)
+        dns.Grid.around_plate(cells=20, levels=5), dns.SharpPlate(), dt=0.02, motion=dns.Motion.at_incidence(1.0)
     )
     history = flow.run(12.0)
-    # C_D of the fine computations 0.357; impulsively started lift reaches 93 % of its steady value by then
+    # C_D of the fine computations 0.357, an error of first order in h; impulsively started lift reaches 93 % of its
+    # steady value by then
     assert history.drag[-1] == pytest.approx(0.357, rel=0.02)
     assert 3.6 < history.lift[-1] / math.radians(1.0) < 4.3
     # pressure alone gives C_L but for the friction on the inclined plate, -C_D alpha
-    assert history.lift[-1] == pytest.approx(history.jump[-1].mean() - math.radians(1.0) * history.drag[-1], rel=1e-3)
+    pressure = flow.grid.spacing * history.jump[-1].sum()
+    assert history.lift[-1] == pytest.approx(pressure - math.radians(1.0) * history.drag[-1], rel=1e-3)

@@ -9,17 +9,16 @@ import pytest
 
 mpl.use("Agg")
 
+import hbnlp
 from hbnlp import dns
 from hbnlp.dns.plot import animate, plot_loads, plot_vorticity
 from hbnlp.dns.signals import MultiSine
 
 
 def _membrane_flow() -> dns.Simulation:
-    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=3)
     motion = dns.Motion.sinusoidal(2.0, pitch=0.05)
-    return dns.Simulation(
-        dns.Grid.around_plate(cells=16, levels=2), dns.Membrane(mass_ratio=0.5, law=law, n_modes=3), motion=motion
-    )
+    membrane = dns.Membrane(hbnlp.NonlinearMembrane(n_modes=3))
+    return dns.Simulation(dns.Grid.around_plate(cells=16, levels=2), membrane, motion=motion)
 
 
 def test_history_has_a_row_a_step_and_survives_a_file(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ RANGES = {
 }
 
 
-# The run of 60 c/U gave .692, but was still growing: five cycles of a longer one have .704, 2 % above the range.
+# The lift depends by some per cent on where the wake leaves the fine box (docs/dns.md): 0.704 is 2 % above the range.
 MISSED = {("cylinder_200", "C_L")}
 
 
@@ -49,6 +49,23 @@ def test_kept_results_lie_in_the_published_ranges(case: str, name: str) -> None:
     assert result["provenance"]["command"].endswith(case)
 
 
+@pytest.mark.parametrize("channel", ["pitch", 1, 2, 3])
+def test_kept_responses_are_those_of_the_finite_elements(channel: str | int) -> None:
+    """Lift and three coefficients, omega from 0.3 to 10: within 5 % on 25 cells, 2 % on 50, first order or better."""
+    errors, spacings = [], []
+    for cells in (25, 50):
+        data = json.loads((DATA / f"response_{channel}_{cells}.json").read_text())
+        lift, jump = (np.array(data[name]) @ [1.0, 1.0j] for name in ("lift", "dCp"))
+        exact = hbnlp.aero.flat_plate_re100(full=True).transfer(1j * np.array(data["omega"]))
+        reference = exact[:, :4, 0 if channel == "pitch" else int(channel) + 1]
+        difference = np.column_stack([lift, jump[:, :3]]) - reference
+        errors.append(np.linalg.norm(difference, axis=1) / np.linalg.norm(reference, axis=1))
+        spacings.append(data["h"])
+    assert errors[0].max() < 0.05
+    assert errors[1].max() < 0.02
+    assert np.all(np.log(errors[0] / errors[1]) > 1.1 * math.log(spacings[0] / spacings[1]))
+
+
 def _script(name: str) -> ModuleType:
     path = Path(__file__).parent.parent / "benchmarks" / f"{name}.py"
     spec = importlib.util.spec_from_file_location(name, path)
@@ -66,9 +83,9 @@ def _table(name: str) -> list[list[str]]:
 
 
 def test_tables_of_the_page_are_those_of_the_result_files() -> None:
-    script = _script("dns_validation")
+    script = _script("dns_tables")
     for name, rows in script.TABLES.items():
-        assert rows() == _table(name), f"{name}.csv: run benchmarks/dns_validation.py tables"
+        assert rows() == _table(name), f"{name}.csv: run benchmarks/dns_tables.py"
 
 
 def test_table_of_coupled_runs_holds_the_lift_of_every_run() -> None:
@@ -78,20 +95,20 @@ def test_table_of_coupled_runs_holds_the_lift_of_every_run() -> None:
     for path in DATA.glob("coupled_*.json"):
         data = json.loads(path.read_text())
         lift = script._polar(complex(*data["lift"]))
-        assert (f"{data['degrees']:g}", f"{data['h']:.2f}", f"{data['dt']:.4f}", *lift) in shown, path.stem
+        assert (f"{data['degrees']:g}", f"{data['h']:.4f}", f"{data['dt']:.4f}", *lift) in shown, path.stem
     header, *rows = _table("branches")
     shown = {tuple(row[1:5]) for row in rows}
     for path in DATA.glob("march_*.json"):
         data = json.loads(path.read_text())
         for hold in data["holds"]:
             lift = f"{abs(complex(*hold['lift'][0])):.4f}"
-            assert (f"{hold['omega']:g}", f"{data['h']:.2f}", f"{data['dt']:.4f}", lift) in shown, path.stem
+            assert (f"{hold['omega']:g}", f"{data['h']:.4f}", f"{data['dt']:.4f}", lift) in shown, path.stem
     assert len(header) == 13
 
 
 @pytest.mark.parametrize(("cells", "within"), [(25, 0.005), (50, 0.001)])
 def test_small_coupled_motion_is_that_of_harmonic_balance_with_the_same_grid(cells: int, within: float) -> None:
-    """At 0.25 degrees, omega = 2, modulus and phase; measured 0.28 % and 0.07 %."""
+    """At 0.25 degrees, omega = 2, modulus and phase; measured 0.32 % and 0.06 %."""
     rom = hbnlp.AeroROM.load(DATA / f"rom_{cells}.npz")
     problem = hbnlp.HarmonicBalance(hbnlp.membrane_wing(hbnlp.NonlinearMembrane(), rom), n_harmonics=5)
     model = hbnlp.solve(problem, at={"omega": 2.0, "pitch_amplitude": math.radians(0.25)}).harmonics("C_L")[1]
@@ -109,22 +126,21 @@ def test_both_branches_at_the_same_frequency_are_kept() -> None:
     assert abs(complex(*falling["lift"][0])) == pytest.approx(0.298, rel=0.04)
 
 
-@pytest.mark.parametrize("degrees", [0.25, 2.5])
-def test_coarse_coupled_run_is_near_harmonic_balance(degrees: float) -> None:
-    """Four periods at omega = 2 on 16 cells and five levels; first order in h would leave twice that of 25 cells."""
+@pytest.mark.parametrize(("degrees", "within"), [(0.25, 0.06), (2.5, 0.09)])
+def test_coarse_coupled_run_is_near_harmonic_balance(degrees: float, within: float) -> None:
+    """Four periods at omega = 2 on 16 cells and five levels; measured 4.8 % and, with nonlinear flow, 7.0 %."""
     omega, n_modes, steps = 2.0, 4, 126
     dt = 2.0 * math.pi / omega / steps
-    law = dns.NonlinearTension(stretching=250.0, prestrain=0.002, n_modes=n_modes)
+    membrane = hbnlp.NonlinearMembrane(n_modes=n_modes)
     flow = dns.Simulation(
         dns.Grid.around_plate(cells=16, levels=5),
-        dns.Membrane(mass_ratio=0.5, law=law, n_modes=n_modes),
+        dns.Membrane(membrane),
         dt=dt,
         motion=dns.Motion.sinusoidal(omega, pitch=math.radians(degrees)),
     )
     history = flow.run(4 * steps * dt)
     run = dns.harmonics(history.load_time[-steps:], history.lift[-steps:], omega * np.arange(1, 4))[0]
-    wing = hbnlp.membrane_wing(hbnlp.NonlinearMembrane(n_modes=n_modes), hbnlp.aero.flat_plate_re100(n_modes))
+    wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes))
     at = {"omega": omega, "pitch_amplitude": math.radians(degrees)}
     model = hbnlp.solve(hbnlp.HarmonicBalance(wing, n_harmonics=3), at=at).harmonics("C_L")[1]
-    # measured 7.4 % and 7.5 %
-    assert abs(run - model) < 0.09 * abs(model)
+    assert abs(run - model) < within * abs(model)

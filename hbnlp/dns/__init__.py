@@ -15,7 +15,7 @@ from hbnlp.dns.flow import Simulation
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.history import History
 from hbnlp.dns.loads import neglected_inertia
-from hbnlp.dns.membrane import ForceLaw, LinearTension, Membrane, NonlinearTension, Restoring
+from hbnlp.dns.membrane import Membrane, Structure
 from hbnlp.dns.motion import Motion
 from hbnlp.dns.observers import Checkpoint, ProgressBar, Snapshot, Snapshots, together
 from hbnlp.dns.response import LinearResponse, StepResponse, harmonics, linear_response, step_response
@@ -24,23 +24,20 @@ from hbnlp.dns.storage import load_history, load_state, save_history, save_state
 __all__ = [
     "Checkpoint",
     "FlowError",
-    "ForceLaw",
     "Grid",
     "History",
     "LinearResponse",
-    "LinearTension",
     "Membrane",
     "Motion",
     "MovingPoints",
-    "NonlinearTension",
     "Points",
     "ProgressBar",
-    "Restoring",
     "SharpPlate",
     "Simulation",
     "Snapshot",
     "Snapshots",
     "StepResponse",
+    "Structure",
     "circle",
     "harmonics",
     "linear_response",

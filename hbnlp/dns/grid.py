@@ -10,6 +10,9 @@ import numpy as np
 from hbnlp.dns._types import Array
 
 _MIN_CELLS = 16
+# The discrete plate is shorter than its nodes by this many cells at each end: the limit of small cells, in which the
+# flow about an end is Stokes flow, from the Wiener-Hopf factor of the lattice (docs/dns.md; recomputed in the tests).
+PLATE_OVERHANG = 0.2390729
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,12 +98,15 @@ class Grid:
     def around_plate(
         cls, *, cells: int = 50, ahead: float = 1.0, behind: float = 1.0, above: float = 1.05, levels: int = 6
     ) -> Grid:
-        """Grid for the sharp plate from (0, 0) to (1, 0): nodes at its ends, its line midway between two rows of nodes.
+        """Grid for the sharp plate from (0, 0) to (1, 0), whose line lies midway between two rows of nodes.
+
+        The first and the last of the ``cells + 1`` nodes on the plate lie 0.239 cells outside its ends, as the discrete
+        plate acts like one that is shorter by as much.
 
         Parameters
         ----------
         cells : int
-            Cells along the chord, h = 1 / cells.
+            Cells on the plate, h = 1 / (cells - 0.478).
         ahead, behind : float
             Fine box ahead of the leading and behind the trailing edge, in chords.
         above : float
@@ -112,12 +118,33 @@ class Grid:
             raise ValueError(f"cells is {cells}; a plate needs at least 4 (25 for a coarse result)")
         front, rear = round(ahead * cells), round(behind * cells)
         ny = 2 * round(above * cells - 0.5) + 1
+        spacing = 1.0 / (cells - 2.0 * PLATE_OVERHANG)
         return cls(
-            spacing=1.0 / cells,
+            spacing=spacing,
             shape=(front + cells + rear, ny),
-            corner=(-front / cells, -0.5 * ny / cells),
+            corner=(-(front + PLATE_OVERHANG) * spacing, -0.5 * ny * spacing),
             levels=levels,
         )
+
+    def plate_cells(self) -> int:
+        """Cells on the sharp plate.
+
+        Raises
+        ------
+        ValueError
+            If the plate's ends and its line are not where `around_plate` has them (the constraints would be singular).
+        """
+        start = -self.corner[0] / self.spacing - PLATE_OVERHANG
+        cells = 1.0 / self.spacing + 2.0 * PLATE_OVERHANG
+        row = -self.corner[1] / self.spacing - 0.5
+        for value, what in ((start, "leading edge"), (start + cells, "trailing edge"), (row, "line")):
+            if abs(value - round(value)) > 1e-6:
+                raise ValueError(
+                    f"the plate's {what} is {value - math.floor(value):.3g} cells off its place on the grid "
+                    f"(nodes {PLATE_OVERHANG:.3f} cells beyond the ends, line midway between rows of nodes): "
+                    "use Grid.around_plate"
+                )
+        return round(cells)
 
     def cell(self, level: int) -> float:
         """Cell size of a level."""

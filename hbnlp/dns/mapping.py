@@ -107,9 +107,10 @@ class PlateMap:
     def __init__(self, grid: Grid, n_modes: int) -> None:
         x, y = grid.nodes()
         h = grid.spacing
-        if n_modes < 1 or n_modes * h > 0.4 + 1e-12:
+        cells = grid.plate_cells()
+        if not 1 <= n_modes <= 2 * cells // 5:
             raise ValueError(
-                f"{n_modes} sine modes on a plate of {round(1 / h)} cells: between 1 and {int(0.4 / h)} "
+                f"{n_modes} sine modes on a plate of {cells} cells: between 1 and {2 * cells // 5} "
                 "(2.5 cells a half wave) are accepted"
             )
         # the map ends two cells before the border, where the coarser level takes over

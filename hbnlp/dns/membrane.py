@@ -1,4 +1,4 @@
-"""The membrane that the flow deflects: full nonlinear force law, and its monolithic coupling.
+"""The membrane that the flow deflects: what is asked of its structure, and the monolithic coupling.
 
     2 mu W_k'' + S_k(W) = dCp_k + C_f,k,        C_f = 2 mu (alpha'' x - z'')
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Protocol
 
 import numpy as np
@@ -28,173 +28,69 @@ from hbnlp.dns.plate import Shape
 _GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NEWTON_STEPS = 30
 _NEWTON_TOLERANCE = 1e-12
-# near the root of double precision for deflections of order 0.1
-_DIFFERENCE = 1e-8
 
 
-class ForceLaw(Protocol):
-    """Restoring force of a membrane in sine modes."""
+class Structure(Protocol):
+    """What is needed of a membrane in sine modes; the models of `hbnlp.membrane` have it."""
 
-    def restoring(self, deflection: Array) -> Array:
+    @property
+    def mass_ratio(self) -> float:
+        """Mass ratio mu = rho_s h / (rho c)."""
+
+    @property
+    def n_modes(self) -> int:
+        """Number of sine modes."""
+
+    def restoring_force(self, W: Array, /) -> Array:
         """S_k(W), shape (n_modes,)."""
 
-    def tangent(self, deflection: Array) -> Array:
+    def tangent_stiffness(self, W: Array, /) -> Array:
         """Derivative of S with respect to W, shape (n_modes, n_modes)."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Membrane:
     """A membrane wing from (0, 0) to (1, 0) in the frame, pinned at both ends.
 
     Parameters
     ----------
-    mass_ratio : float
-        mu = rho_s h / (rho c).
-    law : ForceLaw
-        Restoring force: `NonlinearTension`, `LinearTension`, or any function in `Restoring`.
-    n_modes : int
-        Number of sine modes.
+    structure : Structure
+        Mass ratio, modes and restoring force, e.g. `hbnlp.NonlinearMembrane`.
     deflection, rate : ndarray of shape (n_modes,), optional
         Initial W and W', zero by default.
+
+    Raises
+    ------
+    ValueError
+        If the mass ratio is negative, or something is not of the shape that the number of modes asks for.
     """
 
-    mass_ratio: float
-    law: ForceLaw
-    n_modes: int = 10
+    structure: Structure
+    _: KW_ONLY
     deflection: Array | None = None
     rate: Array | None = None
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.mass_ratio) and self.mass_ratio >= 0.0):
-            raise ValueError(f"mass_ratio is {self.mass_ratio}; it must be finite and not negative")
-        for name, value in (("deflection", self.deflection), ("rate", self.rate)):
-            if value is not None and (np.shape(value) != (self.n_modes,) or not np.isfinite(value).all()):
-                raise ValueError(
-                    f"{name} has shape {np.shape(value)}; finite values of shape ({self.n_modes},) are needed"
-                )
-        try:
-            given = np.shape(self.law.restoring(np.zeros(self.n_modes)))
-        except ValueError as error:
+        structure, n_modes = self.structure, self.structure.n_modes
+        if not (np.isfinite(structure.mass_ratio) and structure.mass_ratio >= 0.0):
             raise ValueError(
-                f"law does not take {self.n_modes} modes, the n_modes of this membrane: {error}"
-            ) from error
-        if given != (self.n_modes,):
-            raise ValueError(f"law returns a force of shape {given}; ({self.n_modes},) is needed")
+                f"mass_ratio of the structure is {structure.mass_ratio}; it must be finite and not negative"
+            )
+        for name, value in (("deflection", self.deflection), ("rate", self.rate)):
+            if value is not None and (np.shape(value) != (n_modes,) or not np.isfinite(value).all()):
+                raise ValueError(f"{name} has shape {np.shape(value)}; finite values of shape ({n_modes},) are needed")
+        rest = np.zeros(n_modes)
+        for law, needed in (("restoring_force", (n_modes,)), ("tangent_stiffness", (n_modes, n_modes))):
+            given = np.shape(getattr(structure, law)(rest))
+            if given != needed:
+                raise ValueError(
+                    f"{law} of the structure returns the shape {given} for {n_modes} modes; {needed} is needed"
+                )
 
-
-@dataclass(frozen=True, kw_only=True)
-class NonlinearTension:
-    """Exact tension of a stretched membrane, -c_T w_xx (1 + w_x^2)^(-3/2).
-
-    c_T = 2 Eh (delta0 + delta) with delta the exact arc length less one. The force derives from the potential V = 2 Eh
-    (delta0 + delta)^2: integrating by parts, S_k = 2 c_T d(delta)/dW_k = dV/dW_k.
-
-    Parameters
-    ----------
-    stretching : float
-        Eh, Young's modulus times thickness over rho U^2 c.
-    prestrain : float
-        delta0.
-    n_modes : int
-        Number of sine modes.
-    points : int
-        Quadrature points along the chord; the midpoint rule converges spectrally here, as the integrand is smooth and
-        periodic.
-    """
-
-    stretching: float
-    prestrain: float
-    n_modes: int = 10
-    points: int = 128
-
-    def __post_init__(self) -> None:
-        if not self.stretching >= 0.0:
-            raise ValueError(f"stretching is {self.stretching}; it must not be negative")
-        if not self.n_modes >= 1:
-            raise ValueError(f"n_modes is {self.n_modes}; at least 1 is needed")
-        if self.points < 4 * self.n_modes:
-            raise ValueError(f"points is {self.points}; at least four a mode, {4 * self.n_modes}, are needed")
-        x = (np.arange(self.points) + 0.5) / self.points
-        k = np.pi * np.arange(1, self.n_modes + 1)
-        object.__setattr__(self, "_slopes", k * np.cos(np.outer(x, k)))
-
-    def strain(self, deflection: Array) -> float:
-        """Strain delta by the deflection: arc length less one."""
-        slope = self._slope_matrix() @ deflection
-        # sqrt(1 + s^2) - 1 without cancellation
-        return float(np.mean(slope**2 / (np.sqrt(1.0 + slope**2) + 1.0)))
-
-    def energy(self, deflection: Array) -> float:
-        """Potential V(W), with the kinetic energy mu |W'|^2 in the same units."""
-        return 2.0 * self.stretching * (self.prestrain + self.strain(deflection)) ** 2
-
-    def restoring(self, deflection: Array) -> Array:
-        """S_k(W), shape (n_modes,)."""
-        slopes = self._slope_matrix()
-        slope = slopes @ deflection
-        gradient = slopes.T @ (slope / np.sqrt(1.0 + slope**2)) / self.points
-        return 4.0 * self.stretching * (self.prestrain + self.strain(deflection)) * gradient
-
-    def tangent(self, deflection: Array) -> Array:
-        """Derivative of S, shape (n_modes, n_modes)."""
-        slopes = self._slope_matrix()
-        slope = slopes @ deflection
-        root = np.sqrt(1.0 + slope**2)
-        gradient = slopes.T @ (slope / root) / self.points
-        curvature = (slopes.T * root**-3) @ slopes / self.points
-        tension = self.prestrain + self.strain(deflection)
-        return np.asarray(4.0 * self.stretching * (np.outer(gradient, gradient) + tension * curvature))
-
-    def _slope_matrix(self) -> Array:
-        matrix: Array = self._slopes  # type: ignore[attr-defined]
-        return matrix
-
-
-@dataclass(frozen=True)
-class LinearTension:
-    """Constant tension c_T: S_k = k^2 pi^2 c_T W_k."""
-
-    tension: float
-    n_modes: int = 10
-
-    def restoring(self, deflection: Array) -> Array:
-        """S_k(W), shape (n_modes,)."""
-        return self._stiffness() * deflection
-
-    def tangent(self, deflection: Array) -> Array:
-        """Derivative of S, shape (n_modes, n_modes)."""
-        del deflection
-        return np.diag(self._stiffness())
-
-    def energy(self, deflection: Array) -> float:
-        """Potential V(W)."""
-        return 0.5 * float(self._stiffness() @ deflection**2)
-
-    def _stiffness(self) -> Array:
-        return np.asarray(self.tension * (np.pi * np.arange(1, self.n_modes + 1)) ** 2)
-
-
-@dataclass(frozen=True)
-class Restoring:
-    """A force law given by its force alone; its tangent, which only steers Newton's iteration, is differenced.
-
-    Parameters
-    ----------
-    force : callable
-        ``force(W) -> S(W)``, each of shape (n_modes,).
-    """
-
-    force: Callable[[Array], Array]
-
-    def restoring(self, deflection: Array) -> Array:
-        """S_k(W), shape (n_modes,)."""
-        return np.asarray(self.force(deflection), dtype=float)
-
-    def tangent(self, deflection: Array) -> Array:
-        """Forward differences of S, shape (n_modes, n_modes)."""
-        base = self.restoring(deflection)
-        columns = [self.restoring(deflection + shift) - base for shift in _DIFFERENCE * np.eye(deflection.size)]
-        return np.column_stack(columns) / _DIFFERENCE
+    @property
+    def n_modes(self) -> int:
+        """Number of sine modes."""
+        return self.structure.n_modes
 
 
 def inertial_load(mass_ratio: float, n_modes: int, motion: Motion) -> Callable[[float], Array]:
@@ -223,8 +119,8 @@ class MembraneShape(Shape):
     """
 
     def __init__(self, membrane: Membrane, motion: Motion, dt: float) -> None:
-        self._membrane = membrane
-        self._inertia = inertial_load(membrane.mass_ratio, membrane.n_modes, motion)
+        self._structure = membrane.structure
+        self._inertia = inertial_load(membrane.structure.mass_ratio, membrane.n_modes, motion)
         self._dt = dt
         start = [
             np.zeros(membrane.n_modes) if value is None else np.array(value, dtype=float)
@@ -243,7 +139,7 @@ class MembraneShape(Shape):
     def rates(self, load: Array, response: Array) -> Array:
         """Solve the structure's step with the fluid's affine answer inside."""
         deflection, rate = self.current
-        mass = 2.0 * self._membrane.mass_ratio / self._dt
+        mass = 2.0 * self._structure.mass_ratio / self._dt
         forcing = load + self._forcing + mass * rate
         linear = mass * np.eye(rate.size) - response
         new = self.estimate[1].copy()
@@ -283,10 +179,10 @@ class MembraneShape(Shape):
 
     def _mean_force(self, start: Array, change: Array) -> tuple[Array, Array]:
         """Mean of S along the straight path from start to start + change, and its derivative with respect to change."""
-        law = self._membrane.law
+        structure = self._structure
         force, tangent = np.zeros_like(start), np.zeros((start.size, start.size))
         for node, weight in zip(0.5 * (1.0 + _GAUSS_NODES), 0.5 * _GAUSS_WEIGHTS, strict=True):
             point = start + node * change
-            force += weight * law.restoring(point)
-            tangent += weight * node * law.tangent(point)
+            force += weight * structure.restoring_force(point)
+            tangent += weight * node * structure.tangent_stiffness(point)
         return force, tangent

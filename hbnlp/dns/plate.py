@@ -87,7 +87,7 @@ class PlateWall(Wall):
     Parameters
     ----------
     grid : Grid
-        Grid with nodes at the plate's ends and its line midway between rows of nodes.
+        Grid of `Grid.around_plate`.
     nested : NestedSolver
         The linear solver.
     dt : float
