@@ -41,14 +41,6 @@ def slit():
     return LinearResponse(flow, n_modes=2)
 
 
-@pytest.fixture(scope="module")
-def inclined():
-    """At two degrees."""
-    incidence = np.deg2rad(2.0)
-    flow = steady_flow(slit_mesh(COARSE, incidence=incidence), reynolds=100.0, incidence=incidence, order=3)
-    return LinearResponse(flow, n_modes=2)
-
-
 def test_the_direct_solver_solves_real_and_complex_systems():
     import scipy.sparse as sp
 
@@ -114,13 +106,6 @@ def test_half_and_whole_plane_agree(half, slit):
         error = np.linalg.norm(whole - upper, axis=0) / np.linalg.norm(upper, axis=0)
         # the far boundaries differ: closed here, open there for the steady flow, at 60 chords
         assert error.max() < 0.03
-
-
-def test_the_lift_slope_is_the_derivative_of_the_lift(half, inclined):
-    """The steady nonlinear flow at two degrees against the linear response at zero."""
-    slope = half.transfer(0.0).real[:, 0]
-    # the lift is odd in incidence: the deviation is of third order
-    np.testing.assert_allclose(inclined.base_load / np.deg2rad(2.0), slope, rtol=0.06)
 
 
 def test_added_mass_is_near_the_inviscid_one(half):
@@ -200,8 +185,9 @@ def test_isolated_eigenvalues_are_found_beside_a_continuous_spectrum():
     np.testing.assert_allclose(near - 1.0 / inverse, [0.02 + 1.4j], atol=1e-5)
 
 
-def test_a_flow_that_sheds_vortices_is_refused(tmp_path):
+def test_a_flow_that_sheds_vortices_is_refused(tmp_path, monkeypatch):
     """At 30 degrees, where it does at this Reynolds number."""
+    monkeypatch.setattr(campaign, "SHEDDING", SHEDDING[2:3])
     case = Case(incidence=np.deg2rad(30.0), n_modes=0, order=3, mesh=COARSE)
     with pytest.raises(UnsteadyFlowError, match=r"30 degrees is unstable.*Lower the Reynolds number") as error:
         run_campaign(tmp_path / "g.npz", case=case, omega=[1.0])
@@ -212,7 +198,7 @@ def test_a_flow_that_sheds_vortices_is_refused(tmp_path):
 @pytest.mark.usefixtures("one_look_for_shedding")
 def test_the_command_runs_a_campaign_and_estimates_its_error(tmp_path):
     path = tmp_path / "g.npz"
-    options = "--modes 0 --order 2 --domain 30 --plate .25 --wake 2 --edge 1e-2 --frequencies 2 --lowest 1 --highest 4"
+    options = "--modes 0 --order 2 --domain 30 --plate .25 --wake 2 --edge 5e-2 --frequencies 2 --lowest 1 --highest 4"
     assert main([str(path), *options.split(), "--probes", "1.1"]) == 0
     response = FrequencyResponse.load(path)
     assert response.omega.tolist() == [1.0, 4.0]
