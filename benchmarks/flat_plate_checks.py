@@ -44,6 +44,16 @@ def main() -> None:
             fast = values[np.abs(values.imag) > 0.5]
             worst = fast[np.argmax(fast.real / np.abs(fast))]
             print(f"  c_T {c_T:6.1f}: rightmost {values.real.max():+.4f}, least damped oscillation {worst:.4f}")
+    for n in (1, 3, 5, 10, 15, 20):
+        for full in (False, True):
+            rom = flat_plate_re100(n, full=full)
+            values = np.concatenate([np.linalg.eigvals(wing_matrix(rom, c_T)) for c_T in tensions])
+            fast = values[np.abs(values.imag) > 0.5]
+            added = np.linalg.eigvalsh(-0.5 * (rom.mass[1:, 2:] + rom.mass[1:, 2:].T)).min()
+            print(
+                f"{n} modes, {'full' if full else 'reduced'}: rightmost {values.real.max():+.4f}, least damping "
+                f"{-(fast.real / np.abs(fast)).max():.4f}, least eigenvalue of the added mass {added:.4f}"
+            )
     draw_resonance()
 
 

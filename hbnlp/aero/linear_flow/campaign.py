@@ -19,6 +19,7 @@ from hbnlp.aero.linear_flow.base_flow import steady_flow
 from hbnlp.aero.linear_flow.direct import solver_name
 from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
 from hbnlp.aero.linear_flow.response import LinearResponse
+from hbnlp.checks import real_number, whole_number
 from hbnlp.errors import HbnlpError
 from hbnlp.storage import load_arrays, save_arrays
 
@@ -57,6 +58,12 @@ class Case:
     order : int
         Polynomial order of the velocity.
     mesh : MeshSettings
+
+    Raises
+    ------
+    ValueError
+        If the Reynolds number is not positive, the incidence is not within a quarter turn, ``n_modes`` is negative or
+        the order below 2.
     """
 
     reynolds: float = 100.0
@@ -64,6 +71,13 @@ class Case:
     n_modes: int = 20
     order: int = 4
     mesh: MeshSettings = field(default_factory=MeshSettings)
+
+    def __post_init__(self) -> None:
+        real_number("reynolds", self.reynolds, above=0.0)
+        if not abs(real_number("incidence", self.incidence)) < np.pi / 2.0:
+            raise ValueError(f"incidence is {self.incidence:g} rad; give less than a quarter turn, in radians")
+        whole_number("n_modes", self.n_modes, least=0)
+        whole_number("order", self.order, least=2)
 
     def response(self) -> LinearResponse:
         """Mesh, solve the steady flow, linearise.
@@ -176,7 +190,6 @@ def _compute(
     folder: Path, case: Case, omega: NDArray[np.float64], progress: Progress, *, refuse_unsteady: bool
 ) -> tuple[NDArray[np.complex128], dict[str, Any]]:
     """Return G at 0 and at ``omega``, (1 + m, N+1, N+2), and the facts of the run; finished parts are read back."""
-    folder.mkdir(parents=True, exist_ok=True)
     _check_same_case(folder / "case.json", case)
     wanted = [0.0, *omega.tolist()]
     missing = [w for w in wanted if not _part(folder, w).exists()]
@@ -191,6 +204,8 @@ def _compute(
             "solver": solver_name(),
             "ngsolve": importlib.metadata.version("ngsolve"),
         }
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "case.json").write_text(json.dumps(asdict(case)))
         (folder / "facts.json").write_text(json.dumps(facts))
         for w in progress(missing):
             save_arrays(_part(folder, w), _PART, {"transfer": response.transfer(1j * w)}, {"omega": w})
@@ -216,9 +231,7 @@ def _refuse_unsteady(response: LinearResponse, case: Case) -> None:
 
 def _check_same_case(file: Path, case: Case) -> None:
     settings: Mapping[str, Any] = json.loads(json.dumps(asdict(case)))
-    if not file.exists():
-        file.write_text(json.dumps(settings))
-    elif json.loads(file.read_text()) != settings:
+    if file.exists() and json.loads(file.read_text()) != settings:
         raise ValueError(
             f"{str(file.parent)!r} belongs to another case, {file.read_text()}; "
             "resume that one, write to another file, or remove the folder"

@@ -50,22 +50,23 @@ class LinearResponse:
         """Number of free unknowns."""
         return len(self._matrices.free)
 
-    def eigenvalues(self, near: complex, *, steps: int = 40) -> NDArray[np.complex128]:
-        """Return the isolated eigenvalues s of the flow near a point, (any number,), by shift and invert.
+    def eigenvalues(self, near: complex, *, within: float = 2.5, steps: int = 40) -> NDArray[np.complex128]:
+        """Return isolated eigenvalues s of the flow within a distance of a point, (any number,), by shift and invert.
 
         A positive real part means that the steady flow is not what the fluid does: it sheds vortices, and the linear
         response about it is of no use. Vortex shedding has Im s of some 1 to 10. The stable wake has a continuous
         spectrum beside the imaginary axis, which a discretisation turns into a row of eigenvalues close together: the
         point should lie to the right of the axis, or only these are seen. Of an Arnoldi process of ``steps`` steps
         those values are returned that have converged, which are those that stand alone and about as near to the point
-        as the wake's; where all is stable there may be none. On a half mesh only motions that are odd about the plate
-        are seen, as shedding is.
+        as the wake's; where all is stable there may be none. Those far away are artefacts of the infinite eigenvalues
+        that belong to the pressure. On a half mesh only motions that are odd about the plate are seen, as shedding is.
         """
         m, free = self._matrices, self._matrices.free
         mass = m.mass[free][:, free].tocsr()
         with factorise((m.stiffness + near * m.mass).tocsr()[free][:, free].astype(complex)) as factors:
             inverse = arnoldi(lambda x: factors.solve(mass @ x), np.ones(len(free), dtype=complex), steps=steps)
-        return np.asarray(near - 1.0 / inverse, dtype=complex)
+        values: NDArray[np.complex128] = near - 1.0 / inverse[np.abs(inverse) * within > 1.0]
+        return values
 
     def transfer(self, s: complex) -> NDArray[np.complex128]:
         """Return G(s), (N+1, N+2), loads per motion exp(s t); real and exact for s = 0."""
