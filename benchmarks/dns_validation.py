@@ -40,15 +40,12 @@ CASES: dict[str, Callable[[], Result]] = {
     "cylinder_40": partial(cylinder, 40.0, 0.02, 45.0),
     "cylinder_100": partial(cylinder, 100.0, 0.02, 85.0),
     "cylinder_200": partial(cylinder, 200.0, 0.02, 100.0),
-    "wake_40": partial(cylinder, 200.0, 0.04, 100.0),
-    **{
-        f"wake_short_{name}": partial(cylinder, 200.0, h, 80.0, x=(-0.8, 1.6), y=(-0.8, 0.8), levels=5)
-        for name, h in (("40", 0.04), ("27", 0.8 / 30), ("20", 0.02))
-    },
+    "wake_short_20": partial(cylinder, 200.0, 0.02, 80.0, x=(-0.8, 1.6), y=(-0.8, 0.8), levels=5),
     **{
         f"wake_long_27{name}": partial(cylinder, 200.0, 0.8 / 30, 70.0, x=(-0.8, 4.0), y=(-1.2, 1.2), levels=n)
         for name, n in (("", 5), ("_levels_6", 6))
     },
+    "wake_long_20_levels_6": partial(cylinder, 200.0, 0.02, 100.0, x=(-1.0, 4.0), y=(-1.2, 1.2)),
     **{f"plate_{n}": partial(plate, n, 6) for n in (25, 50, 75)},
     **{f"plate_25_levels_{n}": partial(plate, 25, n) for n in (4, 5, 7)},
     **{

@@ -18,9 +18,9 @@ becomes quasi-periodic, and between branch points at 15.9 and 45.7.
 
 *Which folds to believe.* At a fold of the wing's motion the Floquet multiplier of its null vector is 1. At 4.577 it is
 1.0001, at 6.78 and 17.8 on the unstable branch within two per cent of 1. At the pair of folds at 4.750 and 4.829 it is
-nowhere near, and both sides are stable: those belong to the truncated equations, whose highest harmonic resonates there.
-With seven harmonics they are gone, and 4.577 stays. The end of the resonant branch, near 44 to 47, is no better: how far
-the peak leans over is more than five harmonics can tell.
+nowhere near, and both sides are stable: those belong to the truncated equations, whose highest harmonic resonates
+there. With seven harmonics they are gone, and 4.577 stays. The end of the resonant branch, near 44 to 47, is no better:
+how far the peak leans over is more than five harmonics can tell.
 """
 
 from pathlib import Path
