@@ -23,7 +23,7 @@ from hbnlp.aero.rom import AeroROM
 from hbnlp.storage import save_arrays
 
 mpl.use("Agg")
-BAND = (0.03, 100.0)
+BAND = (0.01, 1000.0)
 DATA = Path(__file__).parents[1] / "hbnlp" / "aero" / "data"
 REDUCED = {10: 60, 20: 120}
 
