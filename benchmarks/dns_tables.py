@@ -43,15 +43,18 @@ def _cylinder_rows() -> list[Row]:
 
 
 def _wake_rows() -> list[Row]:
-    """Re = 200 with other fine boxes and cells than those of the cylinder's table, which comes last."""
-    rows = [["fine box: x", "y", "levels", "h", "C_D", "C_L", "St"]]
-    found = [*_load("wake").values(), json.loads((DATA / "cylinder_200.json").read_text())]
-    for data in found:
-        edges = zip(data["corner"], data["shape"], strict=True)
-        spans = [f"{low:.2f} to {low + cells * data['h']:.2f}" for low, cells in edges]
-        figures = [f"{data[name]:.4f}" for name in ("h", "C_D", "C_L", "St")]
-        rows.append([*spans, f"{data['levels']}", *figures])
-    return [rows[0], *sorted(rows[1:-1]), rows[-1]]
+    """Cylinders that shed, in other fine boxes and on other cells; those of the cylinder's own table come last."""
+    rows = [["Re", "fine box: x", "y", "levels", "h", "C_D", "C_L", "St"]]
+    own = [json.loads((DATA / f"cylinder_{reynolds}.json").read_text()) for reynolds in (100, 200)]
+    for group in (_load("wake").values(), own):
+        found = []
+        for data in group:
+            edges = zip(data["corner"], data["shape"], strict=True)
+            spans = [f"{low:.2f} to {low + cells * data['h']:.2f}" for low, cells in edges]
+            figures = [f"{data[name]:.4f}" for name in ("h", "C_D", "C_L", "St")]
+            found.append([f"{data['reynolds']:g}", *spans, f"{data['levels']}", *figures])
+        rows += sorted(found)
+    return rows
 
 
 def _plate_rows() -> list[Row]:

@@ -46,6 +46,7 @@ CASES: dict[str, Callable[[], Result]] = {
         for name, n in (("", 5), ("_levels_6", 6))
     },
     "wake_long_20_levels_6": partial(cylinder, 200.0, 0.02, 100.0, x=(-1.0, 4.0), y=(-1.2, 1.2)),
+    "wake_long_20_levels_6_re_100": partial(cylinder, 100.0, 0.02, 85.0, x=(-1.0, 4.0), y=(-1.2, 1.2)),
     **{f"plate_{n}": partial(plate, n, 6) for n in (25, 50, 75)},
     **{f"plate_25_levels_{n}": partial(plate, 25, n) for n in (4, 5, 7)},
     **{
