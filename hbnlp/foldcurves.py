@@ -310,7 +310,7 @@ def _follow(
         yield
         if side.end:
             return
-    side.end = "max_points"
+    side.end = "reached max_points; give a larger one, PseudoArclength(max_points=...)"
 
 
 def _passed(before: Point, after: Point, start: Point) -> bool:

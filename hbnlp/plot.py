@@ -151,6 +151,8 @@ def plot_resolved(
 
     Points at which the tolerance was not met are crosses; those without a solution are left out.
     """
+    if not len(resolved):
+        raise ValueError(f"the resolved branch has no points to draw: {resolved.message}")
     ax = ax or _new_axes()
     level = _level(resolved, output, harmonic, per, decibels)
     ax.plot(resolved.parameter, level, color="0.6", linewidth=0.8, zorder=1)
