@@ -195,8 +195,10 @@ class AeroROM:
         z = points[..., np.newaxis, np.newaxis]
         g: ComplexArray = (self.stiffness + z * self.damping + z**2 * self.mass).astype(complex)
         if self.n_lags:
+            # as many right-hand sides as matrices: NumPy 1 would take one matrix of them for a stack of vectors
+            inputs = np.broadcast_to(self.lag_input.astype(complex), (*points.shape, *self.lag_input.shape))
             try:
-                states = np.linalg.solve(z * np.eye(self.n_lags) - self.lag_state, self.lag_input.astype(complex))
+                states = np.linalg.solve(z * np.eye(self.n_lags) - self.lag_state, inputs)
             except np.linalg.LinAlgError as error:
                 raise ValueError(f"s meets a pole of the ROM; evaluate it away from its poles {self.poles}") from error
             g = g + z**2 * (self.lag_output @ states)
