@@ -15,6 +15,7 @@ from hbnlp.continuation import Continuation, Point, locate
 from hbnlp.curves import ParameterCurve
 from hbnlp.folds import fold_by_newton, fold_sensitivity, left_null_vector
 from hbnlp.fourier import Array, ComplexArray, to_complex
+from hbnlp.lags import periodic_lag_states
 from hbnlp.newton import Newton
 from hbnlp.solution import make_solution
 from hbnlp.stability import NEGLIGIBLE, FloquetEvaluator, FloquetResult
@@ -205,8 +206,6 @@ def with_multiplier(point: SpecialPoint, evaluator: FloquetEvaluator) -> Special
 
 def _periodic_state(system: System, amplitudes: ComplexArray, rate: float) -> Array:
     """Return the state (q, q', x) at theta = 0 of a periodic solution of the linearised equations."""
-    s = 1j * rate * np.arange(amplitudes.shape[1])
-    drive = (system.lag_input @ (s**2 * amplitudes)).T[1:]
-    resolvents = s[1:, None, None] * np.eye(system.n_lags) - system.lag_state
-    lags = np.linalg.solve(resolvents, drive[..., None])[..., 0].real.sum(axis=0)
+    s: ComplexArray = np.asarray(1j * rate * np.arange(amplitudes.shape[1]), dtype=complex)
+    lags = periodic_lag_states(system, s, (system.lag_input @ (s**2 * amplitudes)).T)
     return np.concatenate([amplitudes.real.sum(axis=1), (s * amplitudes).real.sum(axis=1), lags])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hbnlp.fourier import Array, ComplexArray
+from hbnlp.system import System
 
 LARGEST_CONDITION = 1e10
 
@@ -42,3 +43,13 @@ class Lags:
     def weights(self, s: ComplexArray) -> ComplexArray:
         """Return ``1 / (s - pole)``, (len(s), m): the factors of the residues."""
         return np.asarray(1.0 / (s[:, None] - self.poles))
+
+
+def periodic_lag_states(system: System, s: ComplexArray, drive: ComplexArray) -> Array:
+    """Return x(0) of ``x' = A x + sum_h drive_h exp(s_h t)``, drive (n_harmonics, m)."""
+    if not system.n_lags:
+        return np.zeros(0)
+    # no constant part: the drives are accelerations of a periodic motion
+    resolvents = s[1:, None, None] * np.eye(system.n_lags) - system.lag_state
+    response: Array = np.linalg.solve(resolvents, drive[1:, :, None])[..., 0].real.sum(axis=0)
+    return response

@@ -12,8 +12,9 @@ from hbnlp.callbacks import Callbacks, Observers, StopTracing
 from hbnlp.checks import instance_of, list_of_callables, real_number, whole_number
 from hbnlp.errors import ConvergenceError
 from hbnlp.firstorder import FirstOrderForm, Method, Window
-from hbnlp.fourier import Array, ComplexArray, to_complex
+from hbnlp.fourier import Array, to_complex
 from hbnlp.integrators import RungeKutta4
+from hbnlp.lags import periodic_lag_states
 from hbnlp.system import System
 from hbnlp.timeresponse import TimeResponse, project, respond
 
@@ -49,22 +50,12 @@ def state_of(system: System, coefficients: ArrayLike, values: ArrayLike, periods
     omega = point[system.parameters.index("omega")]
     q_h = to_complex(a)
     s = 1j * omega / periods * np.arange(q_h.shape[1])
-    lags = _lag_response(system, s, (system.lag_input @ (s**2 * q_h)).T)
+    lags = periodic_lag_states(system, s, (system.lag_input @ (s**2 * q_h)).T)
     tau = 2.0 * np.pi * np.arange(MOTION_SAMPLES) / MOTION_SAMPLES
     drive = system.excitation(tau[None, :], point)[1].full().T
     drive_h = project(drive, MOTION_SAMPLES // 2 - 1)
-    lags += _lag_response(system, 1j * omega * np.arange(drive_h.shape[1]), drive_h.T)
+    lags += periodic_lag_states(system, 1j * omega * np.arange(drive_h.shape[1]), drive_h.T)
     return np.concatenate([q_h.real.sum(axis=1), (s * q_h).real.sum(axis=1), lags])
-
-
-def _lag_response(system: System, s: ComplexArray, drive: ComplexArray) -> Array:
-    """Return x(0) of ``x' = A x + sum_h drive_h exp(s_h t)``, drive (n_harmonics, m)."""
-    if not system.n_lags:
-        return np.zeros(0)
-    # no constant part: the drives are accelerations of a periodic motion
-    resolvents = s[1:, None, None] * np.eye(system.n_lags) - system.lag_state
-    response: Array = np.linalg.solve(resolvents, drive[1:, :, None])[..., 0].real.sum(axis=0)
-    return response
 
 
 def initial_state(system: System, initial: Any, values: Array, periods: int) -> Array:
