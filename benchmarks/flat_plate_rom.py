@@ -20,7 +20,7 @@ from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification import PoleFit, reduce_to_band, vector_fit
 from hbnlp.aero.identification.report import RationalFit, provenance, rom_from_poles
 from hbnlp.aero.rom import AeroROM
-from hbnlp.storage import save_arrays
+from hbnlp.core.storage import save_arrays
 
 mpl.use("Agg")
 BAND = (0.01, 1000.0)

@@ -7,12 +7,18 @@ from importlib.metadata import version
 
 from hbnlp import aero, design, identification, systems
 from hbnlp.aero import AeroROM
-from hbnlp.aeroelastic import lift_response
-from hbnlp.balance import HarmonicBalance
-from hbnlp.branch import Branch, End, Kind, SpecialPoint, load_branch
-from hbnlp.callbacks import Autosave, Progress, ProgressBar, StopTracing
-from hbnlp.continuation import PseudoArclength
-from hbnlp.errors import (
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import Branch, SpecialPoint, load_branch
+from hbnlp.branches.extrema import locate_peak, peaks
+from hbnlp.branches.fold_curves import FoldBranch, fold_curve
+from hbnlp.branches.resolution import ResolvedBranch, resolve_harmonics
+from hbnlp.branches.switching import switch_branch
+from hbnlp.branches.tracer import Tracer
+from hbnlp.branches.tracing import trace
+from hbnlp.continuation.arclength import PseudoArclength
+from hbnlp.continuation.newton import Newton
+from hbnlp.core.callbacks import Autosave, Progress, ProgressBar, StopTracing
+from hbnlp.core.errors import (
     ConvergenceError,
     HbnlpError,
     LinearInstabilityWarning,
@@ -21,28 +27,23 @@ from hbnlp.errors import (
     SaveError,
     TaskError,
 )
-from hbnlp.foldcurves import FoldBranch, FoldEvent, fold_curve
-from hbnlp.integrators import Adaptive, RungeKutta4
-from hbnlp.linear_stability import eigenvalues, stability_limits
-from hbnlp.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
-from hbnlp.newton import Newton
-from hbnlp.newtonmarch import Sweep
-from hbnlp.peaks import locate_peak, peaks
-from hbnlp.resolution import ResolvedBranch, resolve_harmonics
-from hbnlp.search import Search, find_all
-from hbnlp.solution import Solution, Status
-from hbnlp.solve import Ipopt, Rootfinder, solve
-from hbnlp.stability import Floquet, FloquetResult, floquet
-from hbnlp.sweep import sweep
-from hbnlp.switching import switch_branch
-from hbnlp.system import System
-from hbnlp.timemarch import integrate
-from hbnlp.timeresponse import TimeResponse
-from hbnlp.timesweep import TimeSweep
-from hbnlp.trace import trace
-from hbnlp.tracer import Tracer
-from hbnlp.truncation import truncation_error
-from hbnlp.wing import membrane_wing
+from hbnlp.core.kinds import End, FoldEvent, Kind, Status
+from hbnlp.integration.methods import Adaptive, RungeKutta4
+from hbnlp.integration.response import TimeResponse
+from hbnlp.integration.settling import integrate
+from hbnlp.solutions.search import Search, find_all
+from hbnlp.solutions.solution import Solution
+from hbnlp.solutions.solving import Ipopt, Rootfinder, solve
+from hbnlp.solutions.truncation import truncation_error
+from hbnlp.stability.multipliers import Floquet, FloquetResult, floquet
+from hbnlp.sweeps.by_newton import Sweep
+from hbnlp.sweeps.sweeping import sweep
+from hbnlp.sweeps.time_records import TimeSweep
+from hbnlp.systems.linear_stability import eigenvalues, stability_limits
+from hbnlp.systems.system import System
+from hbnlp.wing.coupling import membrane_wing
+from hbnlp.wing.lift import lift_response
+from hbnlp.wing.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
 
 __version__ = version("hbnlp")
 

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from hbnlp.core.types import Array, ComplexArray
 
 
 def n_coefficients(n_harmonics: int) -> int:
@@ -90,6 +89,11 @@ def shift(coefficients: ArrayLike, phase: float) -> Array:
     """Return the coefficients of ``a(theta + phase)``."""
     c = to_complex(coefficients)
     return to_real(c * np.exp(1j * phase * np.arange(c.shape[-1])))
+
+
+def decibels(gain: ArrayLike) -> Array:
+    """Return 20 log10 of the modulus of a gain."""
+    return np.asarray(20.0 * np.log10(np.abs(np.asarray(gain))))
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hbnlp.balance import HarmonicBalance
-from hbnlp.branch import Branch, Kind
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import Branch
+from hbnlp.core.kinds import Kind
 
 
 def check_branch(

@@ -11,8 +11,8 @@ from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification.modal import lag_states
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.checks import whole_number
-from hbnlp.storage import load_arrays
+from hbnlp.core.checks import whole_number
+from hbnlp.core.storage import load_arrays
 
 MOST_MODES = 20
 _DATA = files("hbnlp.aero") / "data"

@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hbnlp.storage import load_arrays, save_arrays
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.types import Array, ComplexArray
 
 _KIND = "FrequencyResponse"
 _CSV_HEADER = ("omega", "load", "motion", "real", "imag")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hbnlp.checks import real_number
+from hbnlp.core.checks import real_number
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,19 +8,18 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hbnlp.aero import statespace
 from hbnlp.aero.provenance import Provenance
-from hbnlp.checks import instance_of, whole_number
-from hbnlp.errors import OutsideBandWarning
-from hbnlp.storage import load_arrays, save_arrays
+from hbnlp.core.checks import instance_of, whole_number
+from hbnlp.core.errors import OutsideBandWarning
+from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.types import Array, ComplexArray
 
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _KIND = "AeroROM"
 _MATRICES = ("stiffness", "damping", "mass", "lag_state", "lag_input", "lag_output")

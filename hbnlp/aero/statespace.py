@@ -15,12 +15,11 @@ import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from hbnlp.core.types import Array
 
 if TYPE_CHECKING:
     import control
-
-Array = NDArray[np.float64]
 
 
 def pack(

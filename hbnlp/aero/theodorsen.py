@@ -23,15 +23,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.checks import whole_number
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from hbnlp.core.checks import whole_number
+from hbnlp.core.types import Array, ComplexArray
 
 # Jones' approximation of Wagner's function, 1 - .165 exp(-.0455 t) - .335 exp(-.3 t) with t in semi-chords;
 # here the rates are per chord.

@@ -9,8 +9,8 @@
 (9,)
 """
 
-from hbnlp.dns._types import FlowError
 from hbnlp.dns.bodies import MovingPoints, Points, SharpPlate, circle
+from hbnlp.dns.errors import FlowError
 from hbnlp.dns.flow import Simulation
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.history import History

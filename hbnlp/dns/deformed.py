@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.mapping import Metric, PlateMap
 from hbnlp.dns.motion import Background

@@ -18,7 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.bodies import Body, MovingPoints, Points, SharpPlate
 from hbnlp.dns.deformed import Deformed
 from hbnlp.dns.grid import Grid

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 
 _MIN_CELLS = 16
 # The discrete plate is shorter than its nodes by this many cells at each end: the limit of small cells, in which the

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,8 +86,8 @@ class History:
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw C_L and C_D over time; see `hbnlp.dns.plot.plot_loads`."""
-        from hbnlp.dns.plot import plot_loads  # noqa: PLC0415
+        """Draw C_L and C_D over time; see `hbnlp.plot.plot_loads`."""
+        from hbnlp.plot import plot_loads
 
         return plot_loads(self, ax)
 

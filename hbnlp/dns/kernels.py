@@ -16,9 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array, IntArray
 from hbnlp.dns.grid import PLATE_OVERHANG, Grid
 
 # half the support of the kernel, in cells, plus the reach of the curl
@@ -174,7 +173,7 @@ def sharp_plate_coupling(grid: Grid) -> tuple[Coupling, Array, Array]:
     return Coupling(sp.csr_array(sp.vstack([u, v])), window), x_u, x_v
 
 
-Local = tuple[NDArray[np.int_], Array]
+Local = tuple[IntArray, Array]
 
 
 def _local_weights(positions: Array, kernel: Callable[[Array], Array]) -> Local:

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from hbnlp.dns._types import Array, FlowError
+from hbnlp.core.types import Array
+from hbnlp.dns.errors import FlowError
 
 # Adams-Bashforth with central differences, measured: a cylinder at cell Reynolds number 8 is stable at 0.75 and not at
 # 0.93.

@@ -21,7 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbnlp.dns._types import Array, FlowError
+from hbnlp.core.types import Array
+from hbnlp.dns.errors import FlowError
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.stencils import curl, rot
 

@@ -20,7 +20,8 @@ from typing import Protocol
 
 import numpy as np
 
-from hbnlp.dns._types import Array, FlowError
+from hbnlp.core.types import Array
+from hbnlp.dns.errors import FlowError
 from hbnlp.dns.motion import Motion
 from hbnlp.dns.plate import Shape
 

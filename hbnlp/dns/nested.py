@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 import scipy.fft
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.stencils import laplacian
 

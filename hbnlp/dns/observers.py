@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tqdm import tqdm
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.flow import Callback, Simulation
 from hbnlp.dns.storage import save_state
 
@@ -93,8 +93,8 @@ class Snapshot:
     heave: float
 
     def plot(self, ax: Axes | None = None, *, limit: float = 5.0) -> Axes:
-        """Draw vorticity and body; see `hbnlp.dns.plot.plot_vorticity`."""
-        from hbnlp.dns.plot import plot_vorticity  # noqa: PLC0415
+        """Draw vorticity and body; see `hbnlp.plot.plot_vorticity`."""
+        from hbnlp.plot import plot_vorticity
 
         return plot_vorticity(self, ax, limit=limit)
 

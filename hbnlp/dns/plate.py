@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.bodies import SharpPlate
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.kernels import sharp_plate_coupling

@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from hbnlp.dns._types import Array, FlowError
+from hbnlp.core.types import Array
+from hbnlp.dns.errors import FlowError
 from hbnlp.dns.kernels import Coupling, Window
 from hbnlp.dns.nested import NestedSolver, Solution
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.flow import Callback, Simulation
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.signals import MultiSine, Ramp, drive

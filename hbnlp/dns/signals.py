@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.bodies import SharpPlate
 from hbnlp.dns.motion import Motion, Triple
 

@@ -11,7 +11,7 @@ Colonius and Taira (2008), doi:10.1016/j.cma.2007.08.014.
 
 from __future__ import annotations
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 
 
 def curl(psi: Array, h: float | Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.flow import Simulation
 from hbnlp.dns.history import History
 

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from hbnlp.dns._types import Array
+from hbnlp.core.types import Array
 from hbnlp.dns.bodies import MovingPoints, Points
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.kernels import Coupling, Window, point_coupling

@@ -24,10 +24,8 @@ from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.rom import AeroROM
-from hbnlp.checks import whole_number
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from hbnlp.core.checks import whole_number
+from hbnlp.core.types import Array, ComplexArray
 
 
 class Balanced(NamedTuple):

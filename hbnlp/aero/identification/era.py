@@ -29,9 +29,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.checks import whole_number
+from hbnlp.core.checks import whole_number
+from hbnlp.core.types import Array
 
-Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from hbnlp.core.types import Array, ComplexArray
 
 
 def sort_poles(poles: ArrayLike, *, least_damping: float = 1e-6) -> ComplexArray:

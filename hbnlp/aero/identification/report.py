@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification.balancing import reduce_to_band
@@ -16,12 +15,12 @@ from hbnlp.aero.identification.modal import lag_states
 from hbnlp.aero.identification.vector_fitting import PoleFit, vector_fit
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.checks import instance_of, real_number
+from hbnlp.core.checks import instance_of, real_number
+from hbnlp.core.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 

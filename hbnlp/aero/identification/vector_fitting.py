@@ -33,10 +33,8 @@ from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification.modal import real_basis, residues, sort_poles
-from hbnlp.checks import whole_number
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from hbnlp.core.checks import whole_number
+from hbnlp.core.types import Array, ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

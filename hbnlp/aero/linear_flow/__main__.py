@@ -13,7 +13,7 @@ from tqdm import tqdm
 from hbnlp.aero.linear_flow.campaign import Case, run_campaign
 from hbnlp.aero.linear_flow.extra import require_ngsolve
 from hbnlp.aero.linear_flow.mesh import MeshSettings
-from hbnlp.errors import HbnlpError
+from hbnlp.core.errors import HbnlpError
 
 
 def main(arguments: list[str] | None = None) -> int:

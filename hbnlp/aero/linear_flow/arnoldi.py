@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-ComplexArray = NDArray[np.complex128]
+from hbnlp.core.types import ComplexArray
+
 CONVERGED = 1e-3
 
 

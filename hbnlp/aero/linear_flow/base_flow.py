@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hbnlp.aero.linear_flow.direct import factorise
 from hbnlp.aero.linear_flow.sparse import free_unknowns, to_csr
-from hbnlp.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.types import Array
 
 if TYPE_CHECKING:
     import ngsolve
@@ -46,7 +46,7 @@ class BaseFlow:
     reynolds: float
     incidence: float
     state: ngsolve.GridFunction
-    reaction: NDArray[np.float64]
+    reaction: Array
     corrections: tuple[float, ...]
 
     @property

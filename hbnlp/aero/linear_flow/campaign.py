@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.linear_flow.base_flow import steady_flow
 from hbnlp.aero.linear_flow.direct import solver_name
 from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
 from hbnlp.aero.linear_flow.response import LinearResponse
-from hbnlp.checks import real_number, whole_number
-from hbnlp.errors import HbnlpError
-from hbnlp.storage import load_arrays, save_arrays
+from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.errors import HbnlpError
+from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.types import Array, ComplexArray
 
 logger = logging.getLogger(__name__)
 
@@ -108,7 +108,7 @@ def run_campaign(
     path: str | os.PathLike[str],
     *,
     case: Case,
-    omega: Sequence[float] | NDArray[np.float64],
+    omega: Sequence[float] | Array,
     probes: Sequence[float] = (),
     progress: Progress = iter,
 ) -> FrequencyResponse:
@@ -177,18 +177,18 @@ def run_campaign(
     return response
 
 
-def _column_difference(reference: NDArray[np.complex128], other: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _column_difference(reference: ComplexArray, other: ComplexArray) -> Array:
     """Return the largest relative difference of a column, (frequencies,); static heave, which is null, left out."""
     norm = np.linalg.norm(reference, axis=1)
     relative = np.linalg.norm(other - reference, axis=1) / np.where(norm > 0.0, norm, 1.0)
     relative[0, 1] = 0.0
-    worst: NDArray[np.float64] = relative.max(axis=1)
+    worst: Array = relative.max(axis=1)
     return worst
 
 
 def _compute(
-    folder: Path, case: Case, omega: NDArray[np.float64], progress: Progress, *, refuse_unsteady: bool
-) -> tuple[NDArray[np.complex128], dict[str, Any]]:
+    folder: Path, case: Case, omega: Array, progress: Progress, *, refuse_unsteady: bool
+) -> tuple[ComplexArray, dict[str, Any]]:
     """Return G at 0 and at ``omega``, (1 + m, N+1, N+2), and the facts of the run; finished parts are read back."""
     _check_same_case(folder / "case.json", case)
     wanted = [0.0, *omega.tolist()]

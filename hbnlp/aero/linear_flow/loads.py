@@ -11,15 +11,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hbnlp.aero.linear_flow.base_flow import BaseFlow
 from hbnlp.aero.linear_flow.motion import load_tests, trace
+from hbnlp.core.types import Array
 
 if TYPE_CHECKING:
     import ngsolve
-
-Array = NDArray[np.float64]
 
 
 def force_factor(flow: BaseFlow) -> float:

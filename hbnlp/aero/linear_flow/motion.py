@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hbnlp.aero.linear_flow.base_flow import BaseFlow
+from hbnlp.core.types import Array
 
 if TYPE_CHECKING:
     import ngsolve
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

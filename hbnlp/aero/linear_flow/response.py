@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hbnlp.aero.linear_flow import loads
 from hbnlp.aero.linear_flow.arnoldi import arnoldi
@@ -11,6 +10,7 @@ from hbnlp.aero.linear_flow.base_flow import BaseFlow
 from hbnlp.aero.linear_flow.direct import factorise
 from hbnlp.aero.linear_flow.motion import load_tests, plate_motions
 from hbnlp.aero.linear_flow.operator import linearise
+from hbnlp.core.types import ComplexArray
 
 
 class LinearResponse:
@@ -50,7 +50,7 @@ class LinearResponse:
         """Number of free unknowns."""
         return len(self._matrices.free)
 
-    def eigenvalues(self, near: complex, *, within: float = 2.5, steps: int = 40) -> NDArray[np.complex128]:
+    def eigenvalues(self, near: complex, *, within: float = 2.5, steps: int = 40) -> ComplexArray:
         """Return isolated eigenvalues s of the flow within a distance of a point, (any number,), by shift and invert.
 
         A positive real part means that the steady flow is not what the fluid does: it sheds vortices, and the linear
@@ -65,10 +65,10 @@ class LinearResponse:
         mass = m.mass[free][:, free].tocsr()
         with factorise((m.stiffness + near * m.mass).tocsr()[free][:, free].astype(complex)) as factors:
             inverse = arnoldi(lambda x: factors.solve(mass @ x), np.ones(len(free), dtype=complex), steps=steps)
-        values: NDArray[np.complex128] = near - 1.0 / inverse[np.abs(inverse) * within > 1.0]
+        values: ComplexArray = near - 1.0 / inverse[np.abs(inverse) * within > 1.0]
         return values
 
-    def transfer(self, s: complex) -> NDArray[np.complex128]:
+    def transfer(self, s: complex) -> ComplexArray:
         """Return G(s), (N+1, N+2), loads per motion exp(s t); real and exact for s = 0."""
         m, free = self._matrices, self._matrices.free
         shift = complex(s) if s != 0 else 0.0
@@ -78,6 +78,6 @@ class LinearResponse:
         with factorise(matrix[free][:, free]) as factors:
             state[free] -= factors.solve((matrix @ state + source)[free])
         reaction = matrix @ state + source
-        transfer: NDArray[np.complex128] = (self._factor * (self._tests.T @ reaction)).astype(complex)
+        transfer: ComplexArray = (self._factor * (self._tests.T @ reaction)).astype(complex)
         transfer[1:] *= 2.0
         return transfer - self._friction

@@ -1,0 +1,1 @@
+"""Branches of periodic solutions: their points, special points, curves of folds, and the tracer."""

@@ -1,0 +1,97 @@
+"""From the points of a trace to a Branch, after those of the branch it resumed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import Branch, SpecialPoint
+from hbnlp.continuation.arclength import Point
+from hbnlp.core.kinds import End
+from hbnlp.stability.multipliers import FloquetResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traced:
+    """One point of a trace: the point of the curve, its stability, and what lies between it and the point before."""
+
+    point: Point
+    floquet: FloquetResult | None
+    special_points: tuple[SpecialPoint, ...]
+    n_samples: int
+
+
+def make_branch(
+    records: Sequence[Traced],
+    problem: HarmonicBalance,
+    name: str,
+    span: tuple[float, float],
+    parameters: Mapping[str, float],
+    *,
+    end: End,
+    message: str,
+    refused: int,
+    resumed: Branch | None,
+) -> Branch:
+    """Return the branch of all records, those of ``resumed`` first."""
+    columns = _columns(records, problem, parameters, name)
+    points = tuple(special for record in records for special in record.special_points)
+    if resumed is not None and not records:
+        columns, points, refused = (
+            {key: getattr(resumed, key) for key in columns},
+            resumed.special_points,
+            resumed.refused,
+        )
+    elif resumed is not None:
+        shift = float(resumed.arclength[-1])
+        columns["arclength"] = columns["arclength"] + shift
+        for key, column in columns.items():
+            old = getattr(resumed, key)
+            columns[key] = None if old is None or column is None else np.concatenate([old, column])
+        points = resumed.special_points + points
+        refused += resumed.refused
+    return Branch(
+        **columns,
+        name=name,
+        span=span,
+        special_points=points,
+        end=end,
+        message=message,
+        parameters={key: value for key, value in parameters.items() if key != name},
+        parameter_names=problem.system.parameters.names,
+        system_name=problem.system.name,
+        output_names=problem.system.output_names,
+        periods=problem.periods,
+        refused=refused,
+        problem=problem,
+    )
+
+
+def _columns(
+    records: Sequence[Traced], problem: HarmonicBalance, parameters: Mapping[str, float], name: str
+) -> dict[str, Any]:
+    unknowns = np.array([record.point.y[:-1] for record in records]).reshape(-1, problem.size)
+    parameter = np.array([record.point.parameter for record in records])
+    values = np.tile(np.array(list(parameters.values())), (len(records), 1))
+    values[:, problem.system.parameters.index(name)] = parameter
+    n_outputs = len(problem.system.output_names)
+    empty = np.zeros((0, n_outputs, problem.n_harmonics + 1), dtype=complex)
+    results = [record.floquet for record in records if record.floquet is not None]
+    complete = bool(results) and len(results) == len(records)
+    return {
+        "parameter": parameter,
+        "coefficients": unknowns.reshape(-1, *problem.shape),
+        "amplitudes": problem.output_harmonics(unknowns, values) if len(records) else empty,
+        "multipliers": np.array([r.multipliers for r in results]) if complete else None,
+        "stable": np.array([r.stable for r in results]) if complete else None,
+        "stability_error": np.array([r.error for r in results]) if complete else None,
+        "stability_converged": np.array([r.converged for r in results]) if complete else None,
+        "arclength": np.array([record.point.arclength for record in records]),
+        "residual": np.array([record.point.residual for record in records]),
+        "iterations": np.array([record.point.iterations for record in records], dtype=int),
+        "n_samples": np.array([record.n_samples for record in records], dtype=int),
+    }

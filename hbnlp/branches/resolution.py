@@ -1,0 +1,280 @@
+"""As many harmonics along a branch as each of its points needs."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import Branch
+from hbnlp.continuation.newton import Newton, correct
+from hbnlp.core.callbacks import Callbacks, Observers, StopTracing, ended_by
+from hbnlp.core.checks import real_number, unknown_name, whole_number
+from hbnlp.core.errors import TaskError
+from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.kinds import Status
+from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
+from hbnlp.solutions.equations import ParameterCurve
+from hbnlp.solutions.solution import Solution, make_solution
+from hbnlp.solutions.solving import samples_suffice
+from hbnlp.solutions.truncation import Estimate, resized
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResolvedBranch:
+    """A branch with as many harmonics at each point as a tolerance asks for.
+
+    Attributes
+    ----------
+    name : str
+        The continuation parameter.
+    parameter : array (n_points,)
+    n_harmonics : array (n_points,), int
+    truncation_error : array (n_points,)
+        Estimate relative to the size of the solution; nan where no solution was found near the branch.
+    coefficients : array (n_points, n_dof, 2 H + 1)
+        H is the largest number of harmonics; zero beyond a point's own, nan where no solution was found.
+    amplitudes : array (n_points, n_outputs, H + 1), complex
+        Harmonics of all outputs.
+    output_names : tuple of str
+    periods : int
+    parameters : dict
+        Values of all parameters; that of the continuation parameter is its last.
+    tolerance : float
+    message : str
+        Whether all points of the branch were resolved.
+    problem : HarmonicBalance or None
+        That of the branch; None from a file.
+    """
+
+    name: str
+    parameter: Array
+    n_harmonics: IntArray
+    truncation_error: Array
+    coefficients: Array
+    amplitudes: ComplexArray
+    output_names: tuple[str, ...]
+    periods: int
+    parameters: Mapping[str, float]
+    tolerance: float
+    message: str
+    problem: HarmonicBalance | None = field(default=None, repr=False)
+
+    def __len__(self) -> int:
+        return int(self.parameter.size)
+
+    @property
+    def reached(self) -> BoolArray:
+        """Whether the tolerance is met, (n_points,)."""
+        return np.asarray(self.truncation_error <= self.tolerance)
+
+    def harmonics(self, output: str) -> ComplexArray:
+        """Return the complex amplitudes (n_points, H + 1) of a named output, zero beyond those of a point."""
+        if output not in self.output_names:
+            raise KeyError(unknown_name("output", output, self.output_names))
+        return self.amplitudes[:, self.output_names.index(output)]
+
+    def solution(self, index: int) -> Solution:
+        """Return one point as a Solution with its own number of harmonics."""
+        n_harmonics = int(self.n_harmonics[index])
+        found = bool(np.isfinite(self.truncation_error[index]))
+        return Solution(
+            coefficients=self.coefficients[index, :, : 2 * n_harmonics + 1],
+            parameters={**self.parameters, self.name: float(self.parameter[index])},
+            amplitudes=self.amplitudes[index, :, : n_harmonics + 1],
+            output_names=self.output_names,
+            periods=self.periods,
+            status=Status.CONVERGED if found else Status.NOT_CONVERGED,
+            problem=None if self.problem is None else self.problem.with_harmonics(n_harmonics),
+        )
+
+    def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
+        """Draw the amplitude of an output, coloured by the number of harmonics; see `hbnlp.plot.plot_resolved`."""
+        from hbnlp.plot import plot_resolved
+
+        return plot_resolved(self, output, ax=ax, harmonic=harmonic, **options)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it to one ``.npz`` file without pickle, whole or not at all."""
+        metadata = {name: getattr(self, name) for name in _METADATA}
+        arrays = {name: getattr(self, name) for name in _COLUMNS}
+        save_arrays(path, _KIND, arrays, {**metadata, "parameters": dict(self.parameters)})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> ResolvedBranch:
+        """Return what `save` wrote; its solutions have no problem."""
+        arrays, metadata = load_arrays(path, _KIND)
+        content: dict[str, Any] = {**{key: arrays[key] for key in _COLUMNS}, **metadata}
+        return cls(**{**content, "output_names": tuple(metadata["output_names"])})
+
+    def __repr__(self) -> str:
+        extent = f" with {self.n_harmonics.min()} to {self.n_harmonics.max()} harmonics" if len(self) else ""
+        return (
+            f"ResolvedBranch: {len(self)} points{extent}\n"
+            f"  truncation error at most {self.tolerance:g} at {np.count_nonzero(self.reached)} points, not reached at "
+            f"{np.count_nonzero(self.truncation_error > self.tolerance)}, no solution near the branch at "
+            f"{np.count_nonzero(np.isnan(self.truncation_error))}\n  {self.message}"
+        )
+
+
+_COLUMNS = ("parameter", "n_harmonics", "truncation_error", "coefficients", "amplitudes")
+_METADATA = ("name", "output_names", "periods", "tolerance", "message")
+_KIND = "resolved branch"
+
+
+def resolve_harmonics(
+    branch: Branch,
+    tolerance: float,
+    *,
+    least: int = 1,
+    at_most: int = 31,
+    method: Newton | None = None,
+    callbacks: Callbacks = (),
+) -> ResolvedBranch:
+    """Solve the points of a branch again, each with as few harmonics as meet a tolerance.
+
+    Each point is sought in the plane normal to the branch, so that folds are no obstacle. The number of harmonics is
+    raised until the estimated error falls below the tolerance; the next point begins with one less.
+
+    Parameters
+    ----------
+    branch : Branch
+        From `hbnlp.trace`, of two points or more; its own number of harmonics need only be enough to lead.
+    tolerance : float
+        Bound on the truncation error, relative to the size of the solution, or to a thousandth of the largest on the
+        branch where the solution is smaller than that.
+    least, at_most : int
+        Numbers of harmonics between which the choice is made. Where ``at_most`` does not do, ``reached`` is False.
+    method : Newton, optional
+    callbacks : sequence of callables
+        Called after each point with a `Progress`; one that raises `StopTracing` ends it, as Ctrl-C does, with all
+        points so far.
+
+    Raises
+    ------
+    ValueError
+        For a tolerance that is not between 0 and 1, numbers out of order, or a branch from a file.
+    """
+    real_number("tolerance", tolerance, above=0.0)
+    if tolerance >= 1.0:
+        raise ValueError(f"tolerance = {tolerance!r}; a relative error below 1 is needed")
+    whole_number("least", least, least=1)
+    whole_number("at_most", at_most, least=least)
+    problem = branch.problem
+    if problem is None:
+        raise ValueError("a branch from a file has no problem to be solved again with; trace it again from there")
+    if len(branch) < 2:
+        raise ValueError("the branch has a single point, and so no direction; trace two points or more")
+    resolver = _Resolver(branch, problem, float(tolerance), at_most, method or Newton())
+    rows: list[_Row] = []
+
+    def result(message: str = "under way") -> ResolvedBranch:
+        return _resolved(rows, branch, problem, float(tolerance), message)
+
+    observers = Observers(callbacks, f"resolving along {branch.name}", branch.name)
+    ending = f"all {len(branch)} points of the branch"
+    try:
+        for i in range(len(branch)):
+            with interrupts_kept():
+                rows.append(resolver.point(i, max(least, rows[-1].n_harmonics - 1) if rows else least))
+            counts = {"points": len(rows), "harmonics": rows[-1].n_harmonics}
+            observers.tell(rows[-1].parameter, len(rows) / len(branch), counts, result)
+    except (KeyboardInterrupt, StopTracing) as stop:
+        ending = f"{ended_by(stop)} after {len(rows)} of {len(branch)} points"
+        logger.warning("the choice of harmonics was %s", ending)
+    except Exception as error:
+        resolved = result(f"{type(error).__name__} after {len(rows)} of {len(branch)} points: {error}")
+        observers.finish(resolved)
+        raise TaskError(f"resolving along {branch.name}", resolved, error) from error
+    resolved = result(ending)
+    observers.finish(resolved)
+    return resolved
+
+
+class _Row(NamedTuple):
+    """One resolved point; no solution where none was found."""
+
+    parameter: float
+    n_harmonics: int
+    error: float
+    solution: Solution | None
+
+
+class _Resolver:
+    """The points of a branch, each solved again with the number of harmonics that it needs."""
+
+    def __init__(
+        self, branch: Branch, problem: HarmonicBalance, tolerance: float, at_most: int, method: Newton
+    ) -> None:
+        self._branch, self._problem = branch, problem
+        self._tolerance, self._at_most, self._method = tolerance, at_most, method
+        self._problems = {branch.n_harmonics: problem}
+        # a branch may begin at rest, where nothing can be measured relative to the solution
+        self._floor = 1e-3 * float(np.linalg.norm(branch.coefficients, axis=(1, 2)).max()) or 1.0
+        self._points = np.column_stack([branch.coefficients.reshape(len(branch), -1), branch.parameter])
+
+    def point(self, i: int, n_harmonics: int) -> _Row:
+        """Return a point with no less than the given number of harmonics."""
+        branch, points = self._branch, self._points
+        tangent = points[min(i + 1, len(branch) - 1)] - points[max(i - 1, 0)]
+        values = self._problem.values(branch.values(i))
+        while True:
+            if n_harmonics not in self._problems:
+                self._problems[n_harmonics] = self._problem.with_harmonics(n_harmonics)
+            problem = self._problems[n_harmonics]
+            curve = ParameterCurve(problem, values, branch.name, 0.01 * abs(branch.span[1] - branch.span[0]))
+            curve.solution_floor = self._floor
+            guess, along = (resized(v, self._problem, problem) for v in (points[i], tangent))
+            row = along / curve.scale(guess) ** 2
+            found = correct(curve, guess, row / np.linalg.norm(row), self._method)
+            if found.converged and not samples_suffice(problem, found.y[:-1], curve.values(found.y)):
+                self._problems[n_harmonics] = problem.oversampled()
+            elif found.converged:
+                estimate = Estimate(problem, curve, found.y, row)
+                if estimate.error <= self._tolerance or n_harmonics >= self._at_most:
+                    solution = make_solution(problem, found.y[:-1], curve.values(found.y))
+                    return _Row(float(found.y[-1]), n_harmonics, estimate.error, solution)
+                n_harmonics = min(self._at_most, estimate.harmonics_for(self._tolerance))
+            elif n_harmonics >= self._at_most:
+                return _Row(float(branch.parameter[i]), n_harmonics, float("nan"), None)
+            else:
+                n_harmonics += 1
+
+
+def _resolved(
+    rows: list[_Row], branch: Branch, problem: HarmonicBalance, tolerance: float, message: str
+) -> ResolvedBranch:
+    largest = max((row.n_harmonics for row in rows), default=1)
+    coefficients = np.zeros((len(rows), problem.shape[0], 2 * largest + 1))
+    amplitudes = np.zeros((len(rows), len(branch.output_names), largest + 1), dtype=complex)
+    for i, row in enumerate(rows):
+        if row.solution is None:
+            coefficients[i], amplitudes[i] = np.nan, np.nan
+        else:
+            coefficients[i, :, : 2 * row.n_harmonics + 1] = row.solution.coefficients
+            amplitudes[i, :, : row.n_harmonics + 1] = row.solution.amplitudes
+    return ResolvedBranch(
+        name=branch.name,
+        parameter=np.array([row.parameter for row in rows]),
+        n_harmonics=np.array([row.n_harmonics for row in rows], dtype=int),
+        truncation_error=np.array([row.error for row in rows]),
+        coefficients=coefficients,
+        amplitudes=amplitudes,
+        output_names=branch.output_names,
+        periods=branch.periods,
+        parameters=branch.values(len(branch) - 1),
+        tolerance=tolerance,
+        message=message,
+        problem=problem,
+    )

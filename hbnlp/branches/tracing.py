@@ -1,0 +1,137 @@
+"""Trace a branch from one end of a span to the other, with observers; nothing computed is ever lost."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import Branch
+from hbnlp.branches.tracer import DEFAULT_STABILITY, Tracer
+from hbnlp.continuation.arclength import PseudoArclength
+from hbnlp.core.callbacks import Callbacks, Observers, StopTracing
+from hbnlp.core.checks import list_of_callables
+from hbnlp.core.errors import TaskError
+from hbnlp.core.kinds import End
+from hbnlp.solutions.solution import Solution
+from hbnlp.stability.multipliers import Floquet
+
+logger = logging.getLogger(__name__)
+
+
+def trace(
+    problem: HarmonicBalance,
+    name: str,
+    span: tuple[float, float],
+    *,
+    at: Mapping[str, float] | None = None,
+    start: Solution | ArrayLike | None = None,
+    direction: int = 1,
+    away_from: Solution | None = None,
+    stability: Floquet | None = DEFAULT_STABILITY,
+    method: PseudoArclength | None = None,
+    callbacks: Callbacks = (),
+    resume: Branch | None = None,
+) -> Branch:
+    """Trace a branch of periodic solutions in one parameter, through its folds, with special points and stability.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    name : str
+        The continuation parameter.
+    span : (float, float)
+        Where to begin and where to end; a branch that comes back to its beginning ends there, and says so.
+    at : mapping, optional
+        Values of the other parameters. One of the continuation parameter itself, within the span, is where a cold start
+        is made, or a ``start`` is solved again.
+    start : Solution or array (n_dof, 2H+1), optional
+        Where to begin within the span. By default a cold start at ``span[0]``, see `hbnlp.solve`.
+    direction : 1 or -1
+        Which way to go first from a start: towards the end of the span or away from it.
+    away_from : Solution, optional
+        Go away from this neighbour of the start instead, for instance from the branch point that it was switched at.
+    stability : Floquet or None
+        Options of the Floquet analysis of every point; None: off.
+    method : PseudoArclength, optional
+    callbacks : sequence of callables
+        Called after each point with a `Progress`, such as `ProgressBar()` and `Autosave(path)`; one that raises
+        `StopTracing` ends the trace.
+    resume : Branch, optional
+        Go on from the last point of this branch, from memory or a file.
+
+    Returns
+    -------
+    Branch
+        ``branch.end`` and ``branch.message`` say why it ended. Ctrl-C ends a trace as well, with the points so far.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        For a span or name that cannot be, a singular mass matrix, or a branch that does not belong to the problem.
+    ConvergenceError
+        If the start does not converge.
+    TaskError
+        If an error is raised on the way; its ``result`` is the branch so far, its cause is the error.
+
+    Warns
+    -----
+    LinearInstabilityWarning
+        If the linear part of the system is unstable about rest.
+    """
+    list_of_callables("callbacks", callbacks)
+    tracer = Tracer(
+        problem,
+        name,
+        span,
+        at=at,
+        start=start,
+        direction=direction,
+        away_from=away_from,
+        stability=stability,
+        method=method,
+        resume=resume,
+    )
+    observers, reached = Observers(callbacks, f"tracing {name}", name), _Reached(tracer.span)
+    end: End | None = None
+    try:
+        for traced in tracer:
+            value = traced.point.parameter
+            counts = {"points": tracer.n_points, "folds": tracer.n_folds}
+            observers.tell(value, reached.at(value), counts, tracer.branch)
+    except KeyboardInterrupt:
+        end = End.INTERRUPTED
+        logger.warning("interrupted after %d points; the branch keeps them and can be resumed", tracer.n_points)
+    except StopTracing:
+        end = End.STOPPED
+    except Exception as error:
+        branch = tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
+        observers.finish(branch)
+        raise TaskError(f"tracing {name}", branch, error) from error
+    branch = tracer.branch(end)
+    observers.finish(branch)
+    if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.MAX_POINTS):
+        logger.warning("the trace ended at %s = %.8g: %s", name, branch.parameter[-1], branch.message)
+    return branch
+
+
+class _Reached:
+    """The part of the span that a trace has reached, of its logarithm where the span covers more than a decade."""
+
+    def __init__(self, span: tuple[float, float]) -> None:
+        self._span = span
+        self._logarithmic = min(span) > 0.0 and max(span) > 10.0 * min(span)
+        self.fraction = 0.0
+
+    def at(self, value: float) -> float:
+        """Return the largest part so far, this value included."""
+        begin, end = self._span
+        if self._logarithmic:
+            part = float(np.log(value / begin) / np.log(end / begin))
+        else:
+            part = (value - begin) / (end - begin)
+        self.fraction = max(self.fraction, part)
+        return self.fraction

@@ -1,0 +1,233 @@
+"""Newton's method on a curve ``R(y) = 0`` with one more unknown than equations, closed by a plane.
+
+Each corrector solves the bordered system::
+
+    [ dR/dy ]        [ R(y)              ]
+    [ row   ] d  = - [ row . (y - plane) ]
+
+with LAPACK. The factors are kept for as long as the steps shrink well (Deuflhard 2004, section 2.1,
+doi:10.1007/978-3-642-23899-4) and Broyden's updates make up for their age, so that a point of a branch costs one
+factorisation, that of its tangent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import lapack
+
+from hbnlp.core.types import Array
+
+LARGEST_RESIDUAL = 1e-6
+"""Steps may cease without a solution, far away or where the Jacobian is singular: the terms must balance to this."""
+SLOW = 0.2
+"""A larger ratio of successive steps calls for a new Jacobian."""
+
+
+class Curve(Protocol):
+    """Equations R(y) = 0, ``size`` of them, in y of one entry more; the last entry is the continuation parameter."""
+
+    size: int
+
+    def residual(self, y: Array) -> Array:
+        """Return R(y), (size,)."""
+        ...
+
+    def jacobian(self, y: Array, out: Array) -> None:
+        """Write dR/dy into an array (size, size + 1) of zeros."""
+        ...
+
+    def scale(self, y: Array) -> Array:
+        """Return the sizes (size + 1,) by which changes of y are measured."""
+        ...
+
+    def term_size(self, y: Array) -> float:
+        """Return the size of the terms whose sum is R."""
+        ...
+
+
+class Bordered:
+    """LU factors of a square matrix [jacobian; row]; what is given is overwritten."""
+
+    def __init__(self, matrix: Array) -> None:
+        # LAPACK sees the transpose of an array stored by rows; the solves below undo that without a copy
+        self._lu, self._pivots, info = lapack.dgetrf(matrix.T, overwrite_a=True)
+        self.singular = bool(info > 0) or not np.isfinite(self._lu[-1, -1])
+
+    @classmethod
+    def at(cls, curve: Curve, y: Array, row: Array) -> Bordered:
+        """Return the factors of [dR/dy; row] at a point of a curve."""
+        matrix = np.zeros((y.size, y.size))
+        curve.jacobian(y, matrix[:-1])
+        matrix[-1] = row
+        return cls(matrix)
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for the right side (size,) or (size, k)."""
+        return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0])
+
+    def solve_transposed(self, right: Array) -> Array:
+        """Return the solution of the transposed system."""
+        return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0])
+
+    def determinant(self) -> tuple[float, float]:
+        """Return sign and logarithm of the modulus of the determinant."""
+        diagonal = self._lu.diagonal()
+        swaps = np.count_nonzero(self._pivots != np.arange(self._pivots.size))
+        negative = np.count_nonzero(diagonal < 0.0) + swaps
+        with np.errstate(divide="ignore"):
+            return (-1.0 if negative % 2 else 1.0), float(np.log(np.abs(diagonal)).sum())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Newton:
+    """Newton's method with a Jacobian that is kept while it serves.
+
+    Parameters
+    ----------
+    tol : float
+        Bound on the error that remains, relative to the size of the solution (estimated from the rate of convergence).
+    max_iterations : int
+        Steps before it is given up.
+    """
+
+    tol: float = 1e-10
+    max_iterations: int = 20
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tol < 1e-2:
+            raise ValueError(f"tol = {self.tol!r}; a relative tolerance between 0 and 0.01 is needed")
+        if self.max_iterations < 1:
+            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """What Newton's method made of a guess."""
+
+    y: Array
+    converged: bool
+    iterations: int
+    factorisations: int
+    error: float
+    residual: float
+    reason: str = ""
+
+
+def correct(
+    curve: Curve, guess: Array, row: Array, options: Newton, near: tuple[Bordered, Array] | None = None
+) -> Correction:
+    """Return the point of the curve on the plane ``row . (y - guess) = 0``.
+
+    The result is not converged when the steps do not shrink, when something is not finite, or after the iterations
+    allowed.
+
+    Parameters
+    ----------
+    curve : Curve
+    guess : array (size + 1,)
+    row : array (size + 1,)
+        Normal of the plane.
+    options : Newton
+    near : (Bordered, array), optional
+        Factors at a neighbouring point of the curve, and the tangent there. They then serve throughout and are never
+        made anew: between two legs of a curve the Jacobian is singular, and steps with that of one leg seldom converge
+        to the other, which a new Jacobian on the way would let happen.
+    """
+    y = guess.copy()
+    scale = curve.scale(y)
+    inverse: _Inverse | None = _Inverse(near[0], row, scale, near[1]) if near is not None else None
+    factorisations, last, error = 0, np.inf, np.inf
+    right = np.zeros(y.size)
+    for iteration in range(1, options.max_iterations + 1):
+        right[:-1] = curve.residual(y)
+        if not np.isfinite(right.sum()):
+            return _failed(y, iteration, factorisations, error, "the residual is not finite")
+        if inverse is None:
+            factors = Bordered.at(curve, y, row)
+            factorisations += 1
+            if factors.singular:
+                return _failed(y, iteration, factorisations, error, "the Jacobian is singular or not finite")
+            inverse = _Inverse(factors, row, scale)
+        step = inverse.step(right)
+        y += step
+        size = _length(step / scale)
+        if size > 1.0:
+            # a guess that was far off, or zero, says nothing about the size of the solution
+            scale = curve.scale(y)
+            size = _length(step / scale)
+        rate = size / last
+        if iteration > 1:
+            error = size * rate / (1.0 - rate) if rate < 1.0 else np.inf
+        if min(error, size) <= options.tol:
+            # where the terms themselves vanish, at rest, they are measured by those of the guess
+            terms = max(curve.term_size(y), curve.term_size(guess), float(np.finfo(float).tiny))
+            residual = float(np.max(np.abs(curve.residual(y)), initial=0.0)) / terms
+            if not residual <= LARGEST_RESIDUAL:
+                reason = f"the steps cease where the residual is {residual:.1e} of its terms"
+                return _failed(y, iteration, factorisations, error, reason)
+            return Correction(
+                y=y,
+                converged=True,
+                iterations=iteration,
+                factorisations=factorisations,
+                error=error,
+                residual=residual,
+            )
+        if not np.isfinite(size) or size > 1e8:
+            return _failed(y, iteration, factorisations, error, "the steps of Newton's method grow without bound")
+        if rate > SLOW and iteration > 1 and near is None:
+            inverse = None
+        last = size
+    return _failed(
+        y, options.max_iterations, factorisations, error, f"no convergence in {options.max_iterations} iterations"
+    )
+
+
+class _Inverse:
+    """Steps from factors that are not quite those of the present point, bettered by Broyden's updates.
+
+    Every step lies in the plane: ``row . step = 0``. Factors with another last row serve as well, given the null
+    vector t of their Jacobian: a multiple of t moves their solutions into the plane. The updates follow Kelley (1995),
+    section 7.3, doi:10.1137/1.9781611970944: they need the past steps alone.
+    """
+
+    def __init__(self, factors: Bordered, row: Array, scale: Array, null: Array | None = None) -> None:
+        self._factors = factors
+        self._row = row
+        self._weights = 1.0 / np.maximum(scale, 1e-150) ** 2
+        self._null = null / float(row @ null) if null is not None else None
+        self._steps: list[Array] = []
+        self._squares: list[float] = []
+
+    def step(self, residual: Array) -> Array:
+        """Return the next step for the residual (its last entry, that of the plane, is zero)."""
+        step = -self._factors.solve(residual)
+        if self._null is not None:
+            step -= self._null * float(self._row @ step)
+        steps, squares = self._steps, self._squares
+        for k in range(len(steps) - 1):
+            step += steps[k + 1] * (float((self._weights * steps[k]) @ step) / squares[k])
+        if steps:
+            step /= 1.0 - float((self._weights * steps[-1]) @ step) / squares[-1]
+        steps.append(step)
+        squares.append(float((self._weights * step) @ step))
+        return step
+
+
+def _length(vector: Array) -> float:
+    return float(np.sqrt(vector @ vector))
+
+
+def _failed(y: Array, iterations: int, factorisations: int, error: float, reason: str) -> Correction:
+    return Correction(
+        y=y,
+        converged=False,
+        iterations=iterations,
+        factorisations=factorisations,
+        error=error,
+        residual=np.inf,
+        reason=reason,
+    )

@@ -1,0 +1,1 @@
+"""What every room rests on: array types, errors, checks, enumerations, storage, long work, compiled functions."""

@@ -1,0 +1,147 @@
+"""Observers of traces, sweeps and searches: what they are told, a progress bar, saving every so often."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tqdm.auto import tqdm
+
+from hbnlp.core.errors import SaveError
+
+logger = logging.getLogger(__name__)
+
+
+class StopTracing(Exception):
+    """Raise this in a callback to end a trace, a sweep or a search where it is, with all that it has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """What a callback sees after each point.
+
+    Attributes
+    ----------
+    task : str
+        What goes on: "tracing omega".
+    name, value : str, float
+        The varied parameter, or what else is counted, and its present value.
+    fraction : float
+        Part of the work behind. Of a trace, the largest part of the span reached so far (of its logarithm where it
+        covers more than a decade).
+    counts : mapping of str to int
+        How much there is so far: "points", and what else the task finds, "folds" or "jumps".
+    done : bool
+        Whether this is the last call.
+    result : callable
+        Returns all so far, as the task itself will: a Branch, a Sweep, a list of solutions.
+    """
+
+    task: str
+    name: str
+    value: float
+    fraction: float
+    counts: Mapping[str, int]
+    done: bool
+    result: Callable[[], Any]
+
+
+Callbacks = Sequence[Callable[[Progress], None]]
+
+
+class Observers:
+    """The callbacks of one task.
+
+    Parameters
+    ----------
+    callbacks : sequence of callables
+    task, name : str
+        As in `Progress`.
+    """
+
+    def __init__(self, callbacks: Callbacks, task: str, name: str) -> None:
+        self._callbacks = callbacks
+        self._last = Progress(
+            task=task, name=name, value=float("nan"), fraction=0.0, counts={}, done=False, result=lambda: None
+        )
+
+    def tell(self, value: float, fraction: float, counts: Mapping[str, int], result: Callable[[], Any]) -> None:
+        """Call all callbacks; what one of them raises, StopTracing above all, ends the task."""
+        if self._callbacks:
+            self._last = dataclasses.replace(
+                self._last, value=float(value), fraction=fraction, counts=counts, result=result
+            )
+            for callback in self._callbacks:
+                callback(self._last)
+
+    def finish(self, result: Any) -> None:
+        """Call all callbacks for the last time; the task has ended, and what they raise is logged."""
+        last = dataclasses.replace(self._last, done=True, result=lambda: result)
+        for callback in self._callbacks:
+            try:
+                callback(last)
+            except StopTracing:
+                continue
+            except Exception:
+                logger.exception("a callback failed after the end of %s", last.task)
+
+
+def ended_by(stop: BaseException) -> str:
+    """Return the word for what ended a task: Ctrl-C or a callback."""
+    return "stopped by a callback" if isinstance(stop, StopTracing) else "interrupted"
+
+
+class ProgressBar:
+    """A tqdm bar over the work, with what was found so far; options go to tqdm."""
+
+    def __init__(self, **options: Any) -> None:
+        self._options = {"total": 100, "bar_format": "{l_bar}{bar}| {elapsed}{postfix}", **options}
+        self._bar: Any = None
+
+    def __call__(self, progress: Progress) -> None:
+        """Show where the task is."""
+        if self._bar is None:
+            self._bar = tqdm(desc=progress.task, **self._options)
+        whole = round(100 * progress.fraction, 1)
+        counts = "".join(f", {number} {what}" for what, number in progress.counts.items())
+        self._bar.set_postfix_str(f"{progress.name} = {progress.value:.5g}{counts}", refresh=False)
+        self._bar.update(max(whole - self._bar.n, 0.0))
+        if progress.done:
+            self._bar.close()
+            self._bar = None
+
+
+class Autosave:
+    """Save the result to a file every ``seconds`` and at the end; a failure to write is logged, no more.
+
+    For all that has a ``save``: branches, sweeps, fold curves and resolved branches.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, seconds: float = 30.0) -> None:
+        if seconds <= 0.0:
+            raise ValueError(f"seconds = {seconds!r}; a positive time between two saves is needed")
+        self.path = path
+        self.seconds = seconds
+        self._last = time.monotonic()
+        self._task = ""
+
+    def __call__(self, progress: Progress) -> None:
+        """Save if it is time."""
+        if progress.task != self._task:
+            if not hasattr(progress.result(), "save"):
+                kind = type(progress.result()).__name__
+                raise TypeError(
+                    f"{progress.task} results in a {kind}, which Autosave cannot write; save it when it is done"
+                )
+            self._task = progress.task
+        if progress.done or time.monotonic() - self._last >= self.seconds:
+            try:
+                progress.result().save(self.path)
+            except SaveError as error:
+                logger.warning("autosave failed, %s goes on: %s", progress.task, error)
+            self._last = time.monotonic()

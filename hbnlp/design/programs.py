@@ -1,0 +1,292 @@
+"""Nonlinear programs over responses: variables shared by several periodic solutions, folds among them.
+
+Every response brings its unknowns and its equations, and IPOPT moves responses and variables d at once::
+
+    min  f(d, x_1, x_2, ...)   s.t.   R(x_i; d) = 0,   lower <= c(d, x_1, x_2, ...) <= upper
+
+A fold stays one while the design varies, by ``R_x v = 0, v.v = 1`` in the further unknowns v and lambda (Moore and
+Spence 1980, doi:10.1137/0717048). All derivatives, the second ones included, are CasADi's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import SpecialPoint
+from hbnlp.core.checks import unknown_name
+from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.kinds import Kind
+from hbnlp.core.types import Array
+from hbnlp.solutions.solution import Solution, make_solution
+from hbnlp.solutions.solving import Ipopt, samples_suffice
+
+
+@final
+class Variables:
+    """Parameters that a program may change, each within finite bounds (lower, upper); all its responses share them."""
+
+    def __init__(self, bounds: Mapping[str, tuple[float, float]]) -> None:
+        for name, (low, high) in bounds.items():
+            if not (np.isfinite(low) and np.isfinite(high) and low < high):
+                raise ValueError(f"bounds of {name!r} are {(low, high)!r}; two finite, rising numbers are needed")
+        self.names = tuple(bounds)
+        self.limits = np.array(list(bounds.values()), dtype=float).reshape(-1, 2)
+        self.scale = np.max(np.abs(self.limits), axis=1)
+        self.symbols = ca.MX.sym("variables", len(self.names))
+
+    def __getitem__(self, name: str) -> ca.MX:
+        """Return a variable, for objectives and bounds."""
+        if name not in self.names:
+            raise KeyError(unknown_name("variable", name, self.names))
+        index = self.names.index(name)
+        return self.scale[index] * self.symbols[index]
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Response:
+    """A periodic solution or a fold as part of a program, made by `response_at` or `fold_at`.
+
+    Call it with an expression of ``problem.x`` and ``problem.p`` for that expression here, such as
+    ``cruise(problem.amplitude_squared("C_L"))``.
+    """
+
+    problem: HarmonicBalance
+    x: ca.MX
+    p: ca.MX
+    unknowns: ca.MX = field(repr=False)
+    equations: ca.MX = field(repr=False)
+    start: Array = field(repr=False)
+
+    def __call__(self, expression: ca.MX) -> ca.MX:
+        """Return an expression of the problem's symbols at this response."""
+        return ca.Function("here", [self.problem.x, self.problem.p], [expression])(self.x, self.p)
+
+    def parameter(self, name: str) -> ca.MX:
+        """Return a parameter here: a number, a variable, or the free parameter of a fold."""
+        return self.p[self.problem.system.parameters.index(name)]
+
+
+def response_at(
+    problem: HarmonicBalance, variables: Variables, start: Solution, *, at: Mapping[str, float] | None = None
+) -> Response:
+    """Return the response at the parameters of ``start``, but for ``at`` and the variables; it begins at ``start``.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    variables : Variables
+        Those of the program.
+    start : Solution
+        Coefficients to begin from, and the values of the parameters that are no variables.
+    at : mapping of names to values, optional
+        Values that override those of ``start``.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    KeyError, ValueError
+        For a name that is no parameter, or coefficients that do not fit the problem.
+    """
+    values, x0 = problem.values({**start.parameters, **(at or {})}), problem.vector(start.coefficients)
+    size, terms = _sizes(problem, x0, values)
+    xi, p = ca.MX.sym("x", problem.size), _parameters(problem, variables, values, {})
+    x = size * xi
+    return Response(problem=problem, x=x, p=p, unknowns=xi, equations=problem.residual(x, p) / terms, start=x0 / size)
+
+
+def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, name: str) -> Response:
+    """Return a fold in the parameter ``name``, which is free; it begins at ``fold``, one of ``branch.folds``.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    variables : Variables
+        Those of the program.
+    fold : SpecialPoint
+        A refined fold in ``name``.
+    name : str
+        The parameter whose value at the fold is an unknown of the program: ``response.parameter(name)``.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    ValueError
+        If ``fold`` is no refined fold, or ``name`` is a variable, too.
+    KeyError
+        For a name that is no parameter.
+    """
+    if fold.kind is not Kind.FOLD or fold.null is None:
+        raise ValueError(f"{fold!r} was given; a refined fold, one of branch.folds, is needed")
+    if name in variables.names:
+        raise ValueError(f"{name!r} is the free parameter of the fold; it cannot be a variable, too")
+    values, x0 = problem.values(fold.solution.parameters), problem.vector(fold.solution.coefficients)
+    (size, terms), unit, null = _sizes(problem, x0, values), abs(fold.value) or 1.0, problem.vector(fold.null)
+    xi, v, free, along = (ca.MX.sym(s, n) for s, n in (("x", x0.size), ("v", x0.size), ("free", 1), ("along", x0.size)))
+    x, p = size * xi, _parameters(problem, variables, values, {name: unit * free})
+    tangent = ca.Function("tangent", [problem.x, problem.p, along], [ca.jtimes(problem.g, problem.x, along)])
+    equations = [problem.residual(x, p) / terms, tangent(x, p, v) * (size / terms), 0.5 * (ca.sumsqr(v) - 1.0)]
+    return Response(
+        problem=problem,
+        x=x,
+        p=p,
+        unknowns=ca.vertcat(xi, v, free),
+        equations=ca.vertcat(*equations),
+        start=np.concatenate([x0 / size, null / np.linalg.norm(null), [fold.value / unit]]),
+    )
+
+
+def _sizes(problem: HarmonicBalance, x: Array, values: Array) -> tuple[float, float]:
+    """Return the sizes of the unknowns and of the residual's terms."""
+    tiny = float(np.finfo(float).tiny)
+    return max(float(np.linalg.norm(x)), tiny), max(problem.assembly.term_size(x, values), tiny)
+
+
+def _parameters(problem: HarmonicBalance, variables: Variables, values: Array, free: Mapping[str, ca.MX]) -> ca.MX:
+    entries = [ca.MX(float(value)) for value in values]
+    for name, symbol in {**{name: variables[name] for name in variables.names}, **free}.items():
+        entries[problem.system.parameters.index(name)] = symbol
+    return ca.vertcat(*entries)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Optimum:
+    """What a program found: ``values`` of the variables, the objective, and a Solution for each response.
+
+    ``multipliers`` holds an array for each bound, by its name: minus the derivative of the objective by the limit that
+    is active, hence negative at lower limits, positive at upper ones, and zero at neither.
+    """
+
+    values: dict[str, float]
+    objective: float
+    solutions: tuple[Solution, ...] = field(repr=False)
+    multipliers: dict[str, Array] = field(repr=False)
+    converged: bool
+    message: str
+    iterations: int
+    unknowns: Array = field(repr=False)
+
+
+@final
+class Program:
+    """A nonlinear program over responses, compiled once.
+
+    Parameters
+    ----------
+    variables : Variables
+    responses : sequence of Response
+        All made with these variables.
+    objective : casadi.MX
+        What is minimised, best of order one: an expression of variables, responses and data.
+    bounds : mapping of names to (lower, expression, upper), optional
+        The expression may be a vector; the limits are numbers.
+    data : casadi.MX, optional
+        Symbols whose values are given to `solve`.
+    method : Ipopt, optional
+    expand : bool
+        Whether the program is written out in scalar operations: each iteration is then some twenty times faster, while
+        building it takes seconds for ten responses of a hundred unknowns, and memory.
+    """
+
+    def __init__(
+        self,
+        variables: Variables,
+        responses: Sequence[Response],
+        *,
+        objective: ca.MX,
+        bounds: Mapping[str, tuple[float, ca.MX, float]] | None = None,
+        data: ca.MX | None = None,
+        method: Ipopt | None = None,
+        expand: bool = True,
+    ) -> None:
+        self.variables, self.responses, self.bounds = variables, tuple(responses), dict(bounds or {})
+        if not responses:
+            raise ValueError("responses is empty; a program needs one at least, from response_at or fold_at")
+        given = ca.MX(0, 1) if data is None else data
+        unknowns = ca.vertcat(variables.symbols, *(r.unknowns for r in responses))
+        parts = [ca.vertcat(*(r.equations for r in responses)), *(ca.vec(b[1]) for b in self.bounds.values())]
+        ends = np.cumsum([part.numel() for part in parts])
+        self._rows = {name: slice(i, j) for name, i, j in zip(self.bounds, ends[:-1], ends[1:], strict=True)}
+        self._n_equations = int(ends[0])
+        self._limits = np.zeros((ends[-1], 2))
+        for name, (lower, _, upper) in self.bounds.items():
+            if not lower <= upper:
+                raise ValueError(f"bound {name!r} is from {lower!r} to {upper!r}: nothing lies in between")
+            self._limits[self._rows[name]] = lower, upper
+        known = {hash(symbol) for symbol in ca.symvar(ca.vertcat(unknowns, given))}
+        for symbol in ca.symvar(ca.vertcat(objective, *parts)):
+            if hash(symbol) not in known:
+                raise ValueError(
+                    f"the symbol {symbol} is of neither these variables, these responses nor data: make all responses "
+                    "with the same Variables, and write response(expression) for expressions of problem.x and problem.p"
+                )
+        program = {"x": unknowns, "p": given, "f": objective, "g": ca.vertcat(*parts)}
+        options = (method or Ipopt(tol=1e-10)).options()
+        self._solver = ca.nlpsol("program", "ipopt", program, {**options, "expand": expand})
+        self._states = ca.Function("states", [unknowns, given], [e for r in responses for e in (r.x, r.p)])
+
+    def solve(self, start: Mapping[str, float] | Optimum, *, data: ArrayLike = (), throw: bool = True) -> Optimum:
+        """Return a local optimum, from values of the variables and the responses' own starts, or from an earlier one.
+
+        Raises
+        ------
+        ConvergenceError
+            If none is found and ``throw`` is true: ``result`` is where IPOPT stopped, and the message names the bounds
+            that are in the way.
+        """
+        over, given = self.variables, np.atleast_1d(np.asarray(data, dtype=float))
+        if isinstance(start, Optimum):
+            x0 = start.unknowns
+        else:
+            for name in {*over.names} ^ {*start}:
+                raise KeyError(unknown_name("variable", name, over.names) if name in start else f"start lacks {name!r}")
+            first = np.array([start[name] for name in over.names]) / over.scale
+            x0 = np.concatenate([first, *(r.start for r in self.responses)])
+        for what, array, size in (("start", x0, self._states.size1_in(0)), ("data", given, self._states.size1_in(1))):
+            if array.shape != (size,):
+                raise ValueError(f"{what} has shape {array.shape}; ({size},) is needed for this program")
+        box = np.tile([-np.inf, np.inf], (x0.size, 1))
+        box[: len(over.names)] = over.limits / over.scale[:, None]
+        (lbx, ubx), (lbg, ubg) = box.T, self._limits.T
+        answer = self._solver(x0=x0, p=given, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+        y, g, multipliers = (answer[key].full().ravel() for key in ("x", "g", "lam_g"))
+        states = [e.full().ravel() for e in self._states.call([y, given])]
+        points = list(zip((r.problem for r in self.responses), states[::2], states[1::2], strict=True))
+        stats, message = self._solver.stats(), "converged"
+        if not stats["success"]:
+            reached = np.maximum(lbg - g, g - ubg) > -1e-6
+            met = " and ".join(repr(name) for name, rows in self._rows.items() if reached[rows].any())
+            off = float(np.abs(g[: self._n_equations]).max())
+            advice = f"at the bound {met}: relax it or those of the variables, or start" if met else "start"
+            message = f"IPOPT ended with {stats['return_status']}, an equation off by {off:.2g}; {advice} nearer"
+        elif not all(samples_suffice(*point) for point in points):
+            message = "the force is sampled too coarsely at the optimum; make the problems with larger n_samples"
+        optimum = Optimum(
+            values={
+                name: float(value) for name, value in zip(over.names, over.scale * y[: over.scale.size], strict=True)
+            },
+            objective=float(answer["f"]),
+            solutions=tuple(make_solution(*point) for point in points),
+            multipliers={name: multipliers[rows] for name, rows in self._rows.items()},
+            converged=message == "converged",
+            message=message,
+            iterations=int(stats["iter_count"]),
+            unknowns=y,
+        )
+        if throw and not optimum.converged:
+            raise ConvergenceError(message, optimum)
+        return optimum

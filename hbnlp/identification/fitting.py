@@ -1,0 +1,147 @@
+"""Identification of parameters from measured amplitudes: least squares over responses, with its uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.types import Array
+from hbnlp.design.programs import Optimum, Program, Variables, response_at
+from hbnlp.solutions.solution import Solution
+
+INDISTINCT = 1e8
+"""A larger condition number of the scaled Jacobian means that the measurements do not determine the variables."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Identified:
+    """Variables identified from measured amplitudes.
+
+    Attributes
+    ----------
+    values : dict
+    covariance : array (n, n)
+        Of the variables, in the order of ``values``.
+    residuals : array (n_measurements,)
+        Fitted less measured amplitudes.
+    noise : float
+        Standard deviation of a measurement that the covariance is based on: as given, or estimated from the residuals.
+    optimum : Optimum
+        The fitted responses are ``optimum.solutions``.
+    """
+
+    values: dict[str, float]
+    covariance: Array
+    residuals: Array = field(repr=False)
+    noise: float
+    optimum: Optimum = field(repr=False)
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard deviation of each variable."""
+        return {name: float(error) for name, error in zip(self.values, np.sqrt(np.diag(self.covariance)), strict=True)}
+
+    def __repr__(self) -> str:
+        errors = self.standard_errors
+        values = ", ".join(f"{name} = {value:.6g} +- {errors[name]:.2g}" for name, value in self.values.items())
+        return f"Identified from {self.residuals.size} amplitudes: {values}\n  noise {self.noise:.3g}"
+
+
+@final
+class Identification:
+    """Least squares over responses, compiled once: the variables whose amplitudes of an output fit measured ones best.
+
+    The responses are unknowns beside the variables and need not solve the equations on the way. Still the fit is local:
+    begin near enough for each measurement to have a solution on its branch.
+
+    Parameters
+    ----------
+    variables : Variables
+    problem : HarmonicBalance
+    points : sequence of (mapping, Solution)
+        For each measurement the parameters that were set, such as ``{"omega": 3.9}``, and a solution near it, best on
+        the same branch; the remaining parameters are those of the solution.
+    output, harmonic
+        Whose amplitude was measured.
+    """
+
+    def __init__(
+        self,
+        variables: Variables,
+        problem: HarmonicBalance,
+        points: Sequence[tuple[Mapping[str, float], Solution]],
+        output: str,
+        *,
+        harmonic: int = 1,
+    ) -> None:
+        responses = [response_at(problem, variables, near, at=set_to) for set_to, near in points]
+        amplitude = ca.sqrt(problem.amplitude_squared(output, harmonic))
+        fitted = ca.vertcat(*(response(amplitude) for response in responses))
+        measured = ca.MX.sym("measured", len(points))
+        misfit = 0.5 * ca.sumsqr(fitted - measured) / ca.sumsqr(measured)
+        self.variables = variables
+        self._program = Program(variables, responses, objective=misfit, data=measured)
+        slopes = [ca.jacobian(e, s) for e in (amplitude, problem.g) for s in (problem.x, problem.p)]
+        self._slopes = ca.Function("slopes", [problem.x, problem.p], [amplitude, *slopes])
+        self._chosen = [problem.system.parameters.index(name) for name in variables.names]
+
+    def fit(
+        self, measured: ArrayLike, start: Mapping[str, float] | Identified, *, noise: float | None = None
+    ) -> Identified:
+        """Return the variables that fit measured amplitudes best.
+
+        Their covariance is ``noise^2 (J^T J)^-1`` with the derivative J of the amplitudes a by the variables d, the
+        responses eliminated: ``J = a_d - a_x R_x^-1 R_d``. It holds for independent errors of equal standard deviation,
+        small enough that J does not vary over them.
+
+        Parameters
+        ----------
+        measured : array (n_measurements,)
+            In the order of ``points``.
+        start : mapping of names to values, or Identified
+            Where the variables begin; or variables and responses, those of an earlier fit.
+        noise : float, optional
+            Standard deviation of a measurement; by default it is estimated from the residuals.
+
+        Raises
+        ------
+        ConvergenceError
+            If the fit fails.
+        ValueError
+            If the measurements do not determine all variables, or there are too few to estimate the noise.
+        """
+        amplitudes = np.asarray(measured, dtype=float)
+        optimum = self._program.solve(start.optimum if isinstance(start, Identified) else start, data=amplitudes)
+        fitted, rows = zip(*(self._row(solution) for solution in optimum.solutions), strict=True)
+        jacobian, residuals = np.array(rows), np.array(fitted) - amplitudes
+        sizes = np.linalg.norm(jacobian, axis=0)
+        if len(jacobian) < sizes.size or not np.all(sizes > 0.0) or np.linalg.cond(jacobian / sizes) > INDISTINCT:
+            raise ValueError(
+                f"these measurements do not determine {' and '.join(self.variables.names)} together; "
+                "add some at other parameters or on another branch, or fix a variable"
+            )
+        excess = amplitudes.size - sizes.size
+        if noise is None and excess < 1:
+            raise ValueError(f"{amplitudes.size} measurements leave nothing to estimate the noise from; give noise=...")
+        deviation = float(np.sqrt(residuals @ residuals / excess)) if noise is None else float(noise)
+        scaled = np.linalg.inv((jacobian / sizes).T @ (jacobian / sizes))
+        return Identified(
+            values=optimum.values,
+            covariance=deviation**2 * scaled / np.outer(sizes, sizes),
+            residuals=residuals,
+            noise=deviation,
+            optimum=optimum,
+        )
+
+    def _row(self, solution: Solution) -> tuple[float, Array]:
+        """Return the amplitude of a fitted response, and its derivatives by the variables."""
+        values = np.array(list(solution.parameters.values()))
+        amplitude, a_x, a_p, r_x, r_p = (e.full() for e in self._slopes(solution.coefficients.ravel(), values))
+        return float(amplitude[0, 0]), (a_p[0] - np.linalg.solve(r_x.T, a_x[0]) @ r_p)[self._chosen]

@@ -1,0 +1,1 @@
+"""Direct integration in time until a response repeats itself."""

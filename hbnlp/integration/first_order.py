@@ -1,0 +1,108 @@
+"""The first-order form of a system, compiled: what every time integrator works on.
+
+The state is y = (q, q', x) and the independent variable the phase tau = omega t, so that what is compiled once serves
+every frequency::
+
+    omega dy/dtau = ( q',  a,  A x + B a + B_u u'' ),     a = M^-1 (-K q - D q' + L_x x + load(tau) - f(q, q', tau))
+
+M is factorised once per parameter point, with numpy; M^-1 [-K, -D, L_x] and M^-1 enter the compiled function as
+parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import NamedTuple, Protocol, final, runtime_checkable
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.core.types import Array
+from hbnlp.systems.system import System
+
+FEW_INSTRUCTIONS = 400
+"""Up to this size a rate is faster as scalar instructions (SX), beyond it with dense matrix products (MX): measured."""
+
+
+class Window(NamedTuple):
+    """What an integrator made of one window (one or more periods of the forcing).
+
+    ``states`` is (n_steps + 1, n_state) from the window's beginning to its end, or fewer rows where it broke off; then
+    ``failed_at`` is the phase tau where it did, and ``reason`` says why.
+    """
+
+    states: Array
+    step: float
+    failed_at: float | None = None
+    reason: str = ""
+
+
+Propagator = Callable[[Array], Window]
+"""Takes the state at tau = 0 through one window."""
+
+
+@runtime_checkable
+class Method(Protocol):
+    """What `integrate` and `march` ask of an integration method."""
+
+    def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
+        """Return the integrator at one parameter point; ``state`` is typical of those it will meet."""
+        ...
+
+
+@final
+class FirstOrderForm:
+    """The compiled first-order form of a system; what methods compile from it is kept with it.
+
+    Attributes
+    ----------
+    rate : casadi.Function
+        (y, tau, packed) -> dy/dtau, with ``packed`` from `pack`.
+    acceleration : casadi.Function
+        (y, tau, packed) -> q''.
+    jacobian : casadi.Function
+        (y, tau, packed) -> the derivative of the rate by y.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        n, size, n_p = system.n_dof, system.n_state, len(system.parameters.names)
+        self.n_packed = n_p + n * size + n * n
+        y, tau, packed = ca.MX.sym("y", size), ca.MX.sym("tau"), ca.MX.sym("packed", self.n_packed)
+        p, gain, inverse = ca.vertsplit(packed, [0, n_p, n_p + n * size, self.n_packed])
+        q, v, x = ca.vertsplit(y, [0, n, 2 * n, size])
+        load, drive = system.excitation(tau, p)
+        if not system.force.is_zero():
+            arguments = [system.q, system.v, system.tau, system.p]
+            load -= ca.Function("force", arguments, [ca.densify(system.force)])(q, v, tau, p)
+        a = ca.reshape(gain, n, size) @ y + ca.reshape(inverse, n, n) @ load
+        dx = ca.sparsify(ca.DM(system.lag_state)) @ x + ca.sparsify(ca.DM(system.lag_input)) @ a + drive
+        rate = ca.densify(ca.vertcat(v, a, dx)) / p[system.parameters.index("omega")]
+        matrices = ca.Function("rate", [y, tau, packed], [rate])
+        scalars = matrices.expand()
+        self.rate = scalars if scalars.n_instructions() <= FEW_INSTRUCTIONS else matrices
+        self.acceleration = ca.Function("acceleration", [y, tau, packed], [ca.densify(a)])
+        self.jacobian = ca.Function("jacobian", [y, tau, packed], [ca.densify(ca.jacobian(rate, y))])
+        self._compiled: dict[Hashable, ca.Function] = {}
+
+    def pack(self, values: Array) -> Array:
+        """Return parameter values, ``M^-1 [-K, -D, L_x]`` and ``M^-1`` as one vector (n_packed,)."""
+        omega = values[self.system.parameters.index("omega")]
+        if omega <= 0.0:
+            raise ValueError(f"omega = {omega:g}; time integration needs a period, so omega > 0")
+        mass, damping, stiffness, lag_output = self.system.state_matrices(values)
+        inverse = np.linalg.inv(mass)
+        gain = inverse @ np.hstack([-stiffness, -damping, lag_output])
+        return np.concatenate([values, gain.ravel(order="F"), inverse.ravel(order="F")])
+
+    def eigenvalues(self, packed: Array, state: Array) -> Array:
+        """Return the eigenvalues, by phase, about rest and about ``state`` at tau = 0 (where they are finite)."""
+        matrices = [self.jacobian(y, 0.0, packed).full() for y in (np.zeros_like(state), state)]
+        found = [np.linalg.eigvals(matrix) for matrix in matrices if np.all(np.isfinite(matrix))]
+        return np.concatenate(found) if found else np.zeros(1)
+
+    def compiled(self, key: Hashable, build: Callable[[], ca.Function]) -> ca.Function:
+        """Return what ``build`` returned when it was first asked for under this key."""
+        if key not in self._compiled:
+            self._compiled[key] = build()
+        return self._compiled[key]

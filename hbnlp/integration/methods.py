@@ -1,0 +1,204 @@
+"""Time integrators, compiled: the classical Runge-Kutta scheme with fixed steps, and an adaptive multistep method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.types import Array
+from hbnlp.integration.first_order import FirstOrderForm, Propagator, Window
+
+HALF_DISC = 2.61
+"""|h lambda| below this, in the left half plane, lies in the stability region of RK4: the region ends at 2.785 on the
+real axis, at 2.828 on the imaginary one, and at 2.6156 in between."""
+RESOLVED = 1.0
+"""|h lambda| of the fastest eigenvalue where `RungeKutta4` chooses the steps: leaves room for a stiffening force."""
+FEWEST_STEPS = 256
+"""Steps a period that `RungeKutta4` chooses at least: a phase error of 2e-8 a period at the forcing frequency."""
+CHUNK = 64
+"""Steps in one call of the compiled function."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RungeKutta4:
+    """The classical fourth-order Runge-Kutta scheme with fixed steps.
+
+    Parameters
+    ----------
+    steps_per_period : int, optional
+        Steps in one period of the forcing. By default as many as keep ``|h lambda| <= 1`` for every eigenvalue of the
+        system (linearised about rest and about the initial state), and at least 256. A given number is checked against
+        the stability limit, ``|1 + z + z^2/2 + z^3/6 + z^4/24| <= 1`` with ``z = h lambda``.
+
+    Notes
+    -----
+    The error of a signal falls as the fourth power of the step. A mode of eigenvalue ``i s`` is damped by a relative
+    ``(h s)^6 / 144`` a step.
+    """
+
+    steps_per_period: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.steps_per_period is not None:
+            whole_number("steps_per_period", self.steps_per_period, least=4, advice=", or None to have it chosen")
+
+    def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
+        """Return the scheme at one parameter point.
+
+        Raises
+        ------
+        ValueError
+            If the step is beyond the stability limit; the message names the number of steps that would do.
+        """
+        eigenvalues = form.eigenvalues(packed, state)
+        steps = self.steps_per_period
+        if steps is None:
+            fastest = 2.0 * np.pi * float(np.abs(eigenvalues).max())
+            steps = CHUNK * int(np.ceil(max(FEWEST_STEPS, fastest / RESOLVED) / CHUNK))
+        else:
+            _check_stability(int(steps), eigenvalues)
+        return _FixedSteps(form, packed, int(steps), periods)
+
+
+def _check_stability(steps: int, eigenvalues: Array) -> None:
+    z = 2.0 * np.pi / steps * eigenvalues
+    growth = np.abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0))))
+    if np.all(np.where(z.real <= 0.0, growth <= 1.0 + 1e-12, np.abs(z) < HALF_DISC)):
+        return
+    enough = int(np.ceil(2.0 * np.pi * np.abs(eigenvalues).max() / HALF_DISC))
+    raise ValueError(
+        f"steps_per_period = {steps} is beyond the stability limit of RK4: |h lambda| = {np.abs(z).max():.3g} for the "
+        f"fastest eigenvalue, and about 2.8 is the most (2.785 for real ones, 2.828 for imaginary ones); "
+        f"take steps_per_period >= {enough}, None (automatic), or Adaptive()"
+    )
+
+
+class _FixedSteps:
+    """`CHUNK` steps of RK4 a call, on numpy memory and without copies."""
+
+    def __init__(self, form: FirstOrderForm, packed: Array, steps: int, periods: int) -> None:
+        self._n_steps = steps * periods
+        self._too_long = (
+            "the state is not finite any more; the system diverges, or the step is too long where its force stiffens: "
+            f"try steps_per_period={2 * steps}, or Adaptive()"
+        )
+        self._step = 2.0 * np.pi / steps
+        self._tau = np.zeros(CHUNK)
+        self._h = np.zeros(CHUNK)
+        self._start = np.zeros(form.system.n_state)
+        self._path = np.zeros((CHUNK, form.system.n_state))
+        self._buffer, self._run = form.compiled("rk4", lambda: _chunk(form)).buffer()
+        # the buffer holds addresses only: every array stays referenced from here
+        self._packed = np.ascontiguousarray(packed)
+        for i, array in enumerate((self._start, self._tau, self._h, self._packed)):
+            self._buffer.set_arg(i, array.data)
+        self._buffer.set_res(0, self._path.reshape(-1).data)
+
+    def __call__(self, state: Array) -> Window:
+        states = np.empty((self._n_steps + 1, state.size))
+        states[0] = state
+        for first in range(0, self._n_steps, CHUNK):
+            count = min(CHUNK, self._n_steps - first)
+            self._start[:] = states[first]
+            self._tau[:] = self._step * (first + np.arange(CHUNK))
+            self._h[:] = np.where(np.arange(CHUNK) < count, self._step, 0.0)
+            self._run()
+            states[first + 1 : first + 1 + count] = self._path[:count]
+            if not np.all(np.isfinite(self._path[count - 1])):  # what is not finite stays so
+                good = first + 1 + int(np.argmin(np.isfinite(self._path[:count]).all(axis=1)))
+                return Window(states[:good], self._step, good * self._step, self._too_long)
+        return Window(states, self._step)
+
+
+def _chunk(form: FirstOrderForm) -> ca.Function:
+    """Return the CasADi function (state, phases, steps, packed) -> the states after each of `CHUNK` steps."""
+    rate = form.rate
+    symbol = ca.SX if rate.is_a("SXFunction") else ca.MX
+    y, tau, h, p = (symbol.sym(*s) for s in (("y", form.system.n_state), ("tau",), ("h",), ("p", form.n_packed)))
+    k1 = rate(y, tau, p)
+    k2 = rate(y + h / 2 * k1, tau + h / 2, p)
+    k3 = rate(y + h / 2 * k2, tau + h / 2, p)
+    k4 = rate(y + h * k3, tau + h, p)
+    step = ca.Function("step", [y, tau, h, p], [y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+    # mapaccum and fold would copy the packed matrices for every step
+    start, taus, hs = ca.MX.sym("start", form.system.n_state), ca.MX.sym("taus", CHUNK), ca.MX.sym("hs", CHUNK)
+    packed = ca.MX.sym("packed", form.n_packed)
+    state, path = start, []
+    for tau_k, h_k in zip(ca.vertsplit(taus), ca.vertsplit(hs), strict=True):
+        state = step(state, tau_k, h_k, packed)
+        path.append(state)
+    return ca.Function("chunk", [start, taus, hs, packed], [ca.horzcat(*path)])
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Adaptive:
+    """Variable-step, variable-order multistep integration by CVODES.
+
+    Parameters
+    ----------
+    rtol, atol : float
+        Tolerances of a step. The error of a periodic response is some tens of times larger, by its memory (Q factor):
+        2e-9 relative for a Duffing oscillator with 2.5 % of critical damping, near its fold.
+    samples_per_period : int
+        Uniform output a period of the forcing; it has no influence on the steps.
+    stiff : bool
+        False: Adams formulas (orders 1 to 12), accurate for oscillators. True: backward differentiation (orders 1 to 5)
+        with the exact Jacobian, for lag states that decay much faster than anything of interest; less accurate, and
+        slightly unstable for undamped fast modes.
+
+    References
+    ----------
+    Hindmarsh et al. (2005), SUNDIALS, ACM Trans. Math. Softw. 31, 363-396, doi:10.1145/1089014.1089020.
+    """
+
+    rtol: float = 1e-10
+    atol: float = 1e-12
+    samples_per_period: int = 256
+    stiff: bool = False
+
+    def __post_init__(self) -> None:
+        real_number("rtol", self.rtol, above=0.0)
+        real_number("atol", self.atol, above=0.0)
+        whole_number("samples_per_period", self.samples_per_period, least=4)
+
+    def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:  # noqa: ARG002
+        """Return CVODES at one parameter point; ``state`` has no influence."""
+        step = 2.0 * np.pi / self.samples_per_period
+        integrator = form.compiled((self, periods), lambda: self._cvodes(form, periods))
+
+        def run(start: Array) -> Window:
+            try:
+                with interrupts_kept():
+                    path = integrator(x0=start, p=packed)["xf"].full().T
+            except RuntimeError as error:
+                flag = str(error).partition('returned "')[2].partition('"')[0]
+                reason = (
+                    f"CVODES could not go on ({flag or error}); the system diverges, or the tolerances are too tight, "
+                    "or some lag states too fast: try larger rtol and atol, or stiff=True"
+                )
+                return Window(start[None], step, float(integrator.stats().get("tcur", 0.0)), reason)
+            return Window(np.vstack([start, path]), step)
+
+        return run
+
+    def _cvodes(self, form: FirstOrderForm, periods: int) -> ca.Function:
+        n_steps = self.samples_per_period * periods
+        grid = 2.0 * np.pi * periods * np.arange(1, n_steps + 1) / n_steps
+        y, tau, packed = ca.MX.sym("y", form.system.n_state), ca.MX.sym("tau"), ca.MX.sym("packed", form.n_packed)
+        equations = {"x": y, "t": tau, "p": packed, "ode": form.rate(y, tau, packed)}
+        options = {
+            "reltol": self.rtol,
+            "abstol": self.atol,
+            "linear_multistep_method": "bdf" if self.stiff else "adams",
+            "nonlinear_solver_iteration": "newton" if self.stiff else "functional",
+            "disable_internal_warnings": True,
+            "show_eval_warnings": False,
+        }
+        return ca.integrator("cvodes", "cvodes", equations, 0.0, grid, options)

@@ -1,0 +1,169 @@
+"""What a time integration returns: the last period, its outputs and their harmonics, and how it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from hbnlp.core.checks import unknown_name
+from hbnlp.core.types import Array, ComplexArray
+from hbnlp.integration.first_order import FirstOrderForm, Method, Window
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class TimeResponse:
+    """The last window (one or more periods of the forcing) of an integration in time.
+
+    Attributes
+    ----------
+    t : array (n_t,)
+        Times since the window's beginning, where the phase ``tau = omega t`` is zero; equidistant, end left out.
+    q, v, x : array (n_t, n), (n_t, n), (n_t, m)
+        Displacements, velocities and lag states.
+    state : array (n_state,)
+        (q, q', x) at the window's end: the place to go on from.
+    signals : array (n_t, n_outputs)
+        All outputs, in the order of ``output_names``.
+    parameters : dict
+        Parameter values.
+    periods : int
+        Periods of the forcing in a window.
+    periodic : bool
+        Whether the state repeated itself within the tolerance.
+    defects : array (n_windows,)
+        Relative change of the state over each window so far. What is left of the transient is larger by
+        ``1 / (1 - |multiplier|)`` of the slowest Floquet multiplier.
+    n_periods : int
+        Periods of the forcing that were integrated in all.
+    stopped_at : float or None
+        The time since the very beginning at which the integration broke off, if it did.
+    method : Method
+        What integrated.
+    message : str
+        How it ended, and what to do about it.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    x: Array
+    state: Array
+    signals: Array
+    output_names: tuple[str, ...]
+    parameters: dict[str, float]
+    periods: int
+    periodic: bool
+    defects: Array
+    n_periods: int
+    stopped_at: float | None
+    method: Method
+    message: str
+
+    @property
+    def omega(self) -> float:
+        """Frequency of the forcing."""
+        return self.parameters["omega"]
+
+    def signal(self, output: str) -> Array:
+        """Return a named output at the times ``t``, (n_t,)."""
+        if output not in self.output_names:
+            raise KeyError(unknown_name("output", output, self.output_names))
+        return self.signals[:, self.output_names.index(output)]
+
+    def harmonics(self, output: str, n_harmonics: int = 5) -> ComplexArray:
+        """Return the complex amplitudes of a named output, (n_harmonics + 1,): a_0 and a_{2h-1} - i a_{2h}.
+
+        They are projections over the whole window with the phase of the forcing, harmonics of ``omega / periods``.
+        """
+        amplitudes: ComplexArray = project(self._whole(self.signal(output)[:, None]), n_harmonics)[0]
+        return amplitudes
+
+    def displacement_harmonics(self, n_harmonics: int = 5) -> ComplexArray:
+        """Return the complex amplitudes of all displacements, (n, n_harmonics + 1)."""
+        return project(self._whole(self.q), n_harmonics)
+
+    def all_harmonics(self, n_harmonics: int = 5) -> ComplexArray:
+        """Return the complex amplitudes of all outputs, (n_outputs, n_harmonics + 1)."""
+        return project(self._whole(self.signals), n_harmonics)
+
+    def _whole(self, signals: Array) -> Array:
+        if self.stopped_at is not None:
+            raise ValueError("the integration broke off within its last period: there are no harmonics of it")
+        return signals
+
+    def __repr__(self) -> str:
+        kind = "periodic" if self.periodic else "not periodic"
+        defect = f"{self.defects[-1]:.1e}" if self.defects.size else "none"
+        return (
+            f"TimeResponse: {kind} after {self.n_periods} periods at omega = {self.omega:g}, last defect {defect}\n"
+            f"  {self.method!r}, {self.t.size} times in {self.periods} period{'s' if self.periods > 1 else ''}\n"
+            f"  {self.message}"
+        )
+
+
+def project(signals: Array, n_harmonics: int) -> ComplexArray:
+    """Return complex amplitudes (k, n_harmonics + 1) of signals (n_t, k) sampled over whole periods."""
+    size = signals.shape[0]
+    if not 0 <= n_harmonics <= (size - 1) // 2:
+        raise ValueError(f"n_harmonics = {n_harmonics}; 0 to {(size - 1) // 2} can be had from {size} times")
+    amplitudes: ComplexArray = np.fft.rfft(signals, axis=0)[: n_harmonics + 1].T * (2.0 / size)
+    amplitudes[:, 0] *= 0.5
+    return np.ascontiguousarray(amplitudes)
+
+
+def respond(
+    form: FirstOrderForm,
+    values: Array,
+    *,
+    method: Method,
+    periods: int,
+    periodic_tol: float,
+    window: Window,
+    defects: list[float],
+) -> TimeResponse:
+    """Return the record of an integration: its last window with the outputs there, and the message."""
+    system = form.system
+    omega = float(values[system.parameters.index("omega")])
+    n_periods = len(defects) * periods
+    states, stopped_at = window.states, None
+    if window.failed_at is None:
+        states = states[:-1]
+        message = _ending(defects[-1], periodic_tol, n_periods, periods)
+    else:
+        stopped_at = (2.0 * np.pi * n_periods + window.failed_at) / omega
+        period = n_periods + int(window.failed_at / (2.0 * np.pi)) + 1
+        message = f"stopped at t = {stopped_at:g}, in period {period}: {window.reason}"
+    tau: Array = window.step * np.arange(states.shape[0], dtype=float)
+    q, v, x = np.split(states, [system.n_dof, 2 * system.n_dof], axis=1)
+    a = form.acceleration(states.T, tau[None, :], form.pack(values))
+    signals = system.outputs(q.T, v.T, a, x.T, tau[None, :], values).full().T
+    return TimeResponse(
+        t=tau / omega,
+        q=q,
+        v=v,
+        x=x,
+        state=window.states[-1].copy(),
+        signals=signals,
+        output_names=system.output_names,
+        parameters=system.parameters.as_dict(values),
+        periods=periods,
+        periodic=stopped_at is None and defects[-1] <= periodic_tol,
+        defects=np.array(defects),
+        n_periods=n_periods,
+        stopped_at=stopped_at,
+        method=method,
+        message=message,
+    )
+
+
+def _ending(defect: float, periodic_tol: float, n_periods: int, periods: int) -> str:
+    if defect <= periodic_tol:
+        return f"the state repeats itself to {defect:.1e} (tolerance {periodic_tol:.1e})"
+    return (
+        f"not periodic after {n_periods} periods: the state still changes by {defect:.1e} over {periods} of them "
+        f"(tolerance {periodic_tol:.1e}); raise max_periods, start nearer (initial=), or, if the change does not fall, "
+        f"try periods={2 * periods}: the response may be subharmonic, or not periodic at all"
+    )

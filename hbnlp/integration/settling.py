@@ -1,0 +1,226 @@
+"""Direct integration of a system in time, until its response repeats itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.core.callbacks import Callbacks, Observers, StopTracing
+from hbnlp.core.checks import instance_of, list_of_callables, real_number, whole_number
+from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.types import Array
+from hbnlp.fourier import to_complex
+from hbnlp.integration.first_order import FirstOrderForm, Method, Window
+from hbnlp.integration.methods import RungeKutta4
+from hbnlp.integration.response import TimeResponse, project, respond
+from hbnlp.systems.lags import periodic_lag_states
+from hbnlp.systems.system import System
+
+AUTOMATIC = RungeKutta4()
+MOTION_SAMPLES = 256
+"""Samples of a prescribed motion by which its harmonics are found in `state_of`."""
+REST = 1e-6
+"""A block of the state smaller than this fraction of the largest it has been is compared with that fraction instead."""
+
+
+def state_of(system: System, coefficients: ArrayLike, values: ArrayLike, periods: int = 1) -> Array:
+    """Return the state (q, q', x) at tau = 0 of a periodic motion given by its Fourier coefficients.
+
+    Parameters
+    ----------
+    system : System
+    coefficients : array (n, 2H+1)
+        Of the displacements, harmonics of ``omega / periods``.
+    values : array (n_parameters,)
+        Parameter values in the order of ``system.parameters.names``.
+    periods : int
+        Length of the motion in periods of the forcing.
+
+    Returns
+    -------
+    array (n_state,)
+        The lag states are those of the periodic motion, ``x_h = (s - A)^-1 (B s^2 q_h + B_u s^2 u_h)``.
+    """
+    a = np.asarray(coefficients, dtype=float)
+    if a.ndim != 2 or a.shape[0] != system.n_dof or a.shape[1] % 2 == 0:
+        raise ValueError(f"coefficients have shape {a.shape}; ({system.n_dof}, 2H+1) is needed")
+    point = np.asarray(values, dtype=float)
+    omega = point[system.parameters.index("omega")]
+    q_h = to_complex(a)
+    s = 1j * omega / periods * np.arange(q_h.shape[1])
+    lags = periodic_lag_states(system, s, (system.lag_input @ (s**2 * q_h)).T)
+    tau = 2.0 * np.pi * np.arange(MOTION_SAMPLES) / MOTION_SAMPLES
+    drive = system.excitation(tau[None, :], point)[1].full().T
+    drive_h = project(drive, MOTION_SAMPLES // 2 - 1)
+    lags += periodic_lag_states(system, 1j * omega * np.arange(drive_h.shape[1]), drive_h.T)
+    return np.concatenate([q_h.real.sum(axis=1), (s * q_h).real.sum(axis=1), lags])
+
+
+def initial_state(system: System, initial: Any, values: Array, periods: int) -> Array:
+    """Return the state that `integrate` starts from: see there for what ``initial`` may be."""
+    if initial is None:
+        return np.zeros(system.n_state)
+    if isinstance(initial, TimeResponse):
+        initial = initial.state
+    elif hasattr(initial, "coefficients"):
+        point = system.parameters.values(getattr(initial, "parameters", None) or system.parameters.as_dict(values))
+        its_periods: int = getattr(initial, "periods", 0) or getattr(getattr(initial, "problem", None), "periods", 1)
+        return state_of(system, initial.coefficients, point, its_periods)
+    state = np.asarray(initial, dtype=float)
+    if state.ndim == 2:
+        return state_of(system, state, values, periods)
+    if state.shape != (system.n_state,):
+        raise ValueError(
+            f"initial has shape {state.shape}; ({system.n_state},) is needed, (q, q', x) of {system.n_dof} degrees of "
+            f"freedom and {system.n_lags} lag states, or ({system.n_dof}, 2H+1) for Fourier coefficients"
+        )
+    if not np.all(np.isfinite(state)):
+        raise ValueError("initial has entries that are not finite")
+    return state.copy()
+
+
+def integrate(
+    system: System,
+    *,
+    at: Mapping[str, float] | None = None,
+    method: Method = AUTOMATIC,
+    initial: Any = None,
+    periods: int = 1,
+    max_periods: int = 2000,
+    periodic_tol: float = 1e-8,
+    throw: bool = True,
+    callbacks: Callbacks = (),
+) -> TimeResponse:
+    """Integrate a system in time until its response repeats itself.
+
+    Parameters
+    ----------
+    system : System
+    at : mapping of names to values, optional
+        Parameter values that differ from the system's own.
+    method : RungeKutta4 or Adaptive
+        The integration method; RungeKutta4() by default.
+    initial : array (n_state,), array (n, 2H+1), solution or TimeResponse, optional
+        The state (q, q', x) at tau = 0, rest by default; Fourier coefficients of the displacements (harmonics of
+        ``omega / periods``), or a solution that has them as ``.coefficients``, stand for the state of their periodic
+        motion (`state_of`).
+    periods : int
+        Periods of the forcing after which the response is expected to repeat itself, 2 for a period-doubled one.
+    max_periods : int
+        Periods of the forcing that are integrated at most.
+    periodic_tol : float
+        The response is periodic once the state changes over a window by less than this, relative to its size there; the
+        larger of the values for displacements, velocities and lag states counts.
+    throw : bool
+        Whether a response that does not become periodic is an error.
+    callbacks : sequence of callables
+        Called after each window with a `Progress`, whose value is the change of the state over the window; one that
+        raises `StopTracing` ends the integration there.
+
+    Returns
+    -------
+    TimeResponse
+
+    Raises
+    ------
+    ConvergenceError
+        If the response is not periodic after ``max_periods``, or ceases to be finite; ``.result`` is what there is.
+    ValueError, KeyError
+        For unknown parameters, an unstable step, a state of the wrong size.
+    TypeError
+        For a system, method or callbacks of another kind.
+    KeyboardInterrupt
+        On Ctrl-C; nothing is returned then (`march` keeps what it has).
+
+    Examples
+    --------
+    >>> response = integrate(system, at={"omega": 1.2}, method=Adaptive(), initial=[2.5, 0.0])  # doctest: +SKIP
+    >>> abs(response.harmonics("x")[1])  # doctest: +SKIP
+    """
+    instance_of("system", system, System, "a System, such as problem.system")
+    instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...)")
+    list_of_callables("callbacks", callbacks)
+    check_limits(periods, max_periods, periodic_tol)
+    values = system.parameters.values(at)
+    state = initial_state(system, initial, values, periods)
+    observers = Observers(callbacks, "integrating", "change")
+    response = settle(
+        FirstOrderForm(system),
+        values,
+        state,
+        method=method,
+        periods=periods,
+        max_periods=max_periods,
+        periodic_tol=periodic_tol,
+        observers=observers,
+    )
+    observers.finish(response)
+    if throw and not response.periodic:
+        raise ConvergenceError(response.message, response)
+    return response
+
+
+def check_limits(periods: int, max_periods: int, periodic_tol: float) -> None:
+    """Raise an error for numbers of periods or a tolerance that make no sense."""
+    whole_number("periods", periods, least=1)
+    whole_number("max_periods", max_periods, least=periods, advice=" (the number of periods)")
+    real_number("periodic_tol", periodic_tol, above=0.0)
+
+
+def settle(
+    form: FirstOrderForm,
+    values: Array,
+    state: Array,
+    *,
+    method: Method,
+    periods: int,
+    max_periods: int,
+    periodic_tol: float,
+    observers: Observers | None = None,
+) -> TimeResponse:
+    """Integrate window by window until the state repeats itself, and return what there is then: see `integrate`."""
+    propagate = method.propagator(form, form.pack(values), state, periods)
+    defect_of = _Defect(form.system)
+    defects: list[float] = []
+    window = Window(state[None], 0.0)
+
+    def result() -> TimeResponse:
+        return respond(
+            form, values, method=method, periods=periods, periodic_tol=periodic_tol, window=window, defects=defects
+        )
+
+    for _ in range(max_periods // periods):
+        window = propagate(state)
+        state = window.states[-1]
+        if window.failed_at is not None:
+            break
+        defects.append(defect_of(window.states))
+        if observers is not None:
+            n_periods = len(defects) * periods
+            try:
+                observers.tell(defects[-1], n_periods / max_periods, {"periods": n_periods}, result)
+            except StopTracing:
+                break
+        if defects[-1] <= periodic_tol:
+            break
+    return result()
+
+
+class _Defect:
+    """The relative change of the state over a window, the largest of displacements', velocities' and lag states'."""
+
+    def __init__(self, system: System) -> None:
+        n = system.n_dof
+        self._blocks = [slice(0, n), slice(n, 2 * n), slice(2 * n, None)]
+        self._largest = np.zeros(3)
+
+    def __call__(self, states: Array) -> float:
+        sizes = np.array([np.linalg.norm(states[:, block], axis=1).max() for block in self._blocks])
+        self._largest = np.maximum(self._largest, sizes)
+        scales = np.maximum(sizes, REST * self._largest)
+        change = states[-1] - states[0]
+        changes = np.array([np.linalg.norm(change[block]) for block in self._blocks])
+        return float(np.divide(changes, scales, out=np.zeros(3), where=scales > 0.0).max())

@@ -1,0 +1,232 @@
+"""Branches with their stability and special points, sweeps with their jumps, fold curves.
+
+Stable is solid and thick, unstable dashed and thin; where stability was not computed, solid and thin. Each kind of
+special point has one marker and one legend entry.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
+
+from hbnlp.core.kinds import FoldEvent, Kind
+from hbnlp.core.types import Array
+from hbnlp.fourier import decibels
+
+if TYPE_CHECKING:
+    from hbnlp.branches.branch import Branch
+    from hbnlp.branches.fold_curves import FoldBranch
+    from hbnlp.branches.resolution import ResolvedBranch
+    from hbnlp.sweeps.by_newton import Sweep
+    from hbnlp.sweeps.time_records import TimeSweep
+
+STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
+UNKNOWN: dict[str, Any] = {"linestyle": "-", "linewidth": 1.2}
+UNSTABLE: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0}
+MARKERS = {
+    Kind.FOLD: ("o", "tab:red"),
+    Kind.BRANCH_POINT: ("s", "tab:purple"),
+    Kind.PERIOD_DOUBLING: ("^", "tab:green"),
+    Kind.NEIMARK_SACKER: ("D", "tab:orange"),
+    Kind.PEAK: ("*", "black"),
+}
+EVENT_MARKERS = {
+    FoldEvent.CUSP: ("v", "tab:purple"),
+    FoldEvent.ISOLA_BIRTH: ("o", "tab:green"),
+    FoldEvent.ISOLA_MERGE: ("s", "tab:orange"),
+}
+
+
+def plot_branch(
+    branch: Branch,
+    output: str,
+    *,
+    ax: Axes | None = None,
+    harmonic: int = 1,
+    per: str | None = None,
+    decibels: bool = False,
+    special: bool | Collection[Kind] = True,
+    label: str | None = None,
+    color: Any = None,
+) -> Axes:
+    """Draw the amplitude of one harmonic of an output along a branch.
+
+    Parameters
+    ----------
+    branch : Branch
+    output : str
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+    harmonic : int
+        0 is the mean value.
+    per : str, optional
+        Another output by whose first harmonic the amplitude is divided: ``"alpha_acceleration"`` for a wing's C_L.
+    decibels : bool
+        Draw 20 log10 of the amplitude.
+    special : bool or collection of Kind
+        Whether to mark special points, or which kinds of them.
+    label, color
+        Of the branch.
+
+    Returns
+    -------
+    Axes
+    """
+    ax = ax or new_axes()
+    level = _level(branch, output, harmonic, per, decibels)
+    color = ax.plot([], [], color=color, label=label or "_branch")[0].get_color()
+    stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
+    solid = STABLE if branch.stable is not None else UNKNOWN
+    # the line goes through the located special points, which lie beyond their neighbours at a fold
+    located = [p for p in branch.special_points if p.refined]
+    after = [p.index + 1 for p in located]
+    along = np.insert(branch.parameter, after, [p.value for p in located])
+    level = np.insert(level, after, [_level(p.solution, output, harmonic, per, decibels) for p in located])
+    for part, steady in _segments(np.insert(stable, after, stable[after])):
+        ax.plot(along[part], level[part], color=color, **(solid if steady else UNSTABLE))
+    if not stable.all():
+        _explain(ax, "stable", color="0.3", **STABLE)
+        _explain(ax, "unstable", color="0.3", **UNSTABLE)
+    wanted = (Kind if special else ()) if isinstance(special, bool) else special
+    for kind, (marker, paint) in MARKERS.items():
+        points = branch.of_kind(kind)
+        if points and kind in wanted:
+            x = [p.value for p in points]
+            y = [float(_level(p.solution, output, harmonic, per, decibels)) for p in points]
+            style: dict[str, Any] = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
+            ax.plot(x, y, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
+            _explain(ax, kind.value, **style)
+    _finish(ax, branch.name, output, harmonic, per, decibels)
+    return ax
+
+
+def plot_sweep(
+    sweep: Sweep | TimeSweep,
+    output: str,
+    *,
+    ax: Axes | None = None,
+    harmonic: int = 1,
+    per: str | None = None,
+    decibels: bool = False,
+    label: str | None = None,
+    **options: Any,
+) -> Axes:
+    """Draw the amplitude of one harmonic of an output along a sweep; a jump is an arrow, not a part of the curve."""
+    ax = ax or new_axes()
+    level = _level(sweep, output, harmonic, per, decibels)
+    jumps = sorted(int(jump) for jump in sweep.jumps)
+    edges = [0, *jumps, len(sweep)]
+    style = {"marker": ".", "markersize": 3.0, "linewidth": 1.0, **options}
+    for k, (begin, end) in enumerate(itertools.pairwise(edges)):
+        line = ax.plot(sweep.parameter[begin:end], level[begin:end], label=label if k == 0 else None, **style)[0]
+        style["color"] = line.get_color()
+    for jump in jumps:
+        ax.annotate(
+            "",
+            xy=(sweep.parameter[jump], level[jump]),
+            xytext=(sweep.parameter[jump - 1], level[jump - 1]),
+            arrowprops={"arrowstyle": "->", "color": style["color"], "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0},
+        )
+    _finish(ax, sweep.name, output, harmonic, per, decibels)
+    return ax
+
+
+def plot_resolved(
+    resolved: ResolvedBranch,
+    output: str,
+    *,
+    ax: Axes | None = None,
+    harmonic: int = 1,
+    per: str | None = None,
+    decibels: bool = False,
+) -> Axes:
+    """Draw the amplitude of one harmonic of an output, each point in the colour of its number of harmonics.
+
+    Points at which the tolerance was not met are crosses; those without a solution are left out.
+    """
+    if not len(resolved):
+        raise ValueError(f"the resolved branch has no points to draw: {resolved.message}")
+    ax = ax or new_axes()
+    level = _level(resolved, output, harmonic, per, decibels)
+    ax.plot(resolved.parameter, level, color="0.6", linewidth=0.8, zorder=1)
+    numbers = resolved.n_harmonics
+    first, last = int(numbers.min()), int(numbers.max())
+    scale = ScalarMappable(Normalize(first - 0.5, last + 0.5), plt.get_cmap("viridis_r", last - first + 1))
+    for met, marker in ((resolved.reached, "o"), (~resolved.reached, "x")):
+        if met.any():
+            where, colours = (resolved.parameter[met], level[met]), scale.to_rgba(numbers[met])
+            ax.scatter(*where, color=colours, s=12, marker=marker, zorder=2)
+    ticks = range(first, last + 1, 1 + (last - first) // 8)
+    plt.colorbar(scale, ax=ax, label="number of harmonics", ticks=list(ticks))
+    _finish(ax, resolved.name, output, harmonic, per, decibels)
+    return ax
+
+
+def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | None = None, **options: Any) -> Axes:
+    """Draw a fold curve in the plane of its two parameters, with cusps, isola births and merges."""
+    ax = ax or new_axes()
+    ax.plot(curve.first, curve.second, **{"color": "tab:red", "linewidth": 1.6, **options}, label=label or "folds")
+    for kind, (marker, paint) in EVENT_MARKERS.items():
+        events = curve.of_kind(kind)
+        if events:
+            x, y = [e.first for e in events], [e.second for e in events]
+            ax.plot(x, y, marker=marker, color=paint, linestyle="none", markersize=6, label=kind.value, zorder=3)
+    ax.set_xlabel(_axis(curve.names[0]))
+    ax.set_ylabel(_axis(curve.names[1]))
+    ax.legend(frameon=False)
+    return ax
+
+
+def new_axes() -> Axes:
+    """Return the axes of a new figure."""
+    return plt.subplots(figsize=(6.4, 4.2), layout="constrained")[1]
+
+
+def _level(source: Any, output: str, harmonic: int, per: str | None, in_decibels: bool) -> Array:
+    """Return what is drawn for every point of a branch or sweep, or for one solution."""
+    amplitudes = source.harmonics(output)
+    if not 0 <= harmonic < amplitudes.shape[-1]:
+        raise ValueError(f"harmonic = {harmonic}; 0 to {amplitudes.shape[-1] - 1} are retained")
+    size = np.abs(amplitudes[..., harmonic])
+    if per is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):  # at rest
+            size = size / np.abs(source.harmonics(per)[..., 1])
+    with np.errstate(divide="ignore"):
+        return decibels(size) if in_decibels else np.asarray(size)
+
+
+def _segments(flags: Any) -> Iterator[tuple[slice, bool]]:
+    """Yield runs of equal flags; each run takes the first point of the next, so that the curve has no gap."""
+    edges = [0, *(1 + np.flatnonzero(np.diff(flags.astype(int)))), len(flags)]
+    for begin, end in itertools.pairwise(edges):
+        yield slice(int(begin), min(int(end) + 1, len(flags))), bool(flags[begin])
+
+
+def _axis(parameter: str) -> str:
+    return r"$\omega$" if parameter == "omega" else parameter
+
+
+def _explain(ax: Axes, label: str, **style: Any) -> None:
+    """Add a legend entry without data, once."""
+    if label not in ax.get_legend_handles_labels()[1]:
+        ax.plot([], [], label=label, **style)
+
+
+def _finish(ax: Axes, parameter: str, output: str, harmonic: int, per: str | None, decibels: bool) -> None:
+    ax.set_xlabel(_axis(parameter))
+    what = (f"|{output}|" + (f" / |{per}|" if per else "")) if harmonic else f"|mean of {output}|"
+    notes = [*([f"harmonic {harmonic}"] if harmonic else []), *(["dB"] if decibels else [])]
+    ax.set_ylabel(f"{what} ({', '.join(notes)})" if notes else what)
+    if ax.get_xscale() == "log":
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(frameon=False)

@@ -1,0 +1,110 @@
+"""Pictures of the flow: vorticity, animation, loads over time."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.animation import FuncAnimation, PillowWriter
+
+from hbnlp.core.types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from hbnlp.dns.history import History
+    from hbnlp.dns.observers import Snapshot
+
+# an even number of edges leaves the band about zero white
+_STEPS = 26
+
+
+def plot_vorticity(
+    snapshot: Snapshot,
+    ax: Axes | None = None,
+    *,
+    limit: float = 5.0,
+    levels: int = 2,
+    x: tuple[float, float] | None = None,
+    y: tuple[float, float] | None = None,
+) -> Axes:
+    """Draw vorticity and body in axes fixed in space.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        The flow.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+    limit : float
+        Vorticity, in U/c, at which the colours saturate.
+    levels : int
+        Number of grid levels to show.
+    x, y : tuple of float, optional
+        Part of the plane to show; default the outermost level shown.
+
+    Returns
+    -------
+    Axes
+        The axes drawn on.
+    """
+    axes = plt.subplots(figsize=(8.0, 4.5), layout="constrained")[1] if ax is None else ax
+    bands = np.linspace(-limit, limit, _STEPS)
+    shown = min(levels, len(snapshot.vorticity))
+    for level in reversed(range(shown)):
+        px, py = _in_space(snapshot, snapshot.x[level], snapshot.y[level])
+        axes.contourf(px, py, np.clip(snapshot.vorticity[level], -limit, limit), bands, cmap="RdBu_r")
+    bx, by = _in_space(snapshot, snapshot.outline[:, 0], snapshot.outline[:, 1])
+    axes.plot(bx, by, color="black", linewidth=2.0, solid_capstyle="round")
+    px, py = snapshot.x[shown - 1], snapshot.y[shown - 1]
+    axes.set(
+        xlim=x or (px.min(), px.max()), ylim=y or (py.min(), py.max()), aspect="equal", xlabel="$x/c$", ylabel="$y/c$"
+    )
+    axes.set_title(f"vorticity, $tU/c = {snapshot.time:.2f}$")
+    return axes
+
+
+def animate(
+    snapshots: list[Snapshot],
+    path: str | os.PathLike[str],
+    *,
+    frames_per_second: int = 15,
+    limit: float = 5.0,
+    x: tuple[float, float] | None = None,
+    y: tuple[float, float] | None = None,
+) -> None:
+    """Write an animated GIF of vorticity.
+
+    Raises
+    ------
+    ValueError
+        If there are no snapshots.
+    """
+    if not snapshots:
+        raise ValueError("there are no snapshots; collect some with dns.Snapshots(every=...) as the callback of run")
+    figure, axes = plt.subplots(figsize=(7.0, 4.0), dpi=80, layout="constrained")
+
+    def draw(index: int) -> list[Axes]:
+        axes.clear()
+        return [plot_vorticity(snapshots[index], axes, limit=limit, x=x, y=y)]
+
+    FuncAnimation(figure, draw, frames=len(snapshots)).save(os.fspath(path), writer=PillowWriter(fps=frames_per_second))
+    plt.close(figure)
+
+
+def plot_loads(history: History, ax: Axes | None = None) -> Axes:
+    """Draw C_L and C_D over time."""
+    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+    axes.plot(history.load_time, history.lift, label="$C_L$")
+    axes.plot(history.load_time, history.drag, label="$C_D$")
+    axes.set(xlabel="$tU/c$")
+    axes.legend()
+    return axes
+
+
+def _in_space(snapshot: Snapshot, x: Array, y: Array) -> tuple[Array, Array]:
+    c, s = math.cos(snapshot.pitch), math.sin(snapshot.pitch)
+    return x * c + y * s, y * c - x * s + snapshot.heave

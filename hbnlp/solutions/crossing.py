@@ -1,0 +1,58 @@
+"""The solution at a given parameter value between two neighbouring points of a curve, as near to a fold as may be."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import brentq
+
+from hbnlp.continuation.newton import Newton, correct
+from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.types import Array
+from hbnlp.solutions.equations import ParameterCurve
+from hbnlp.solutions.solution import Solution, make_solution
+
+NEWTON = Newton(tol=1e-12)
+
+
+def solution_between(curve: ParameterCurve, before: Array, after: Array, value: float) -> Solution:
+    """Return the solution where a curve passes a parameter value between two of its points.
+
+    The points are cut by planes normal to their chord, and the plane is sought whose point has the value: each of these
+    problems is regular, where Newton's method at the fixed value is not near a fold.
+
+    Parameters
+    ----------
+    curve : ParameterCurve
+    before, after : array (size + 1,)
+        Neighbouring points, the value between their parameters, no fold between them.
+    value : float
+
+    Raises
+    ------
+    ConvergenceError
+        If the curve is not followed from one point to the other: they are too far apart.
+    """
+    chord = after - before
+    row = chord / curve.scale(before) ** 2
+    row /= np.linalg.norm(row)
+    points: dict[float, Array] = {0.0: before, 1.0: after}
+
+    def beyond(share: float) -> float:
+        if share not in points:
+            near = min(points, key=lambda known: abs(known - share))
+            found = correct(curve, points[near] + (share - near) * chord, row, NEWTON)
+            if not found.converged:
+                result = make_solution(curve.problem, found.y[:-1], curve.values(found.y))
+                raise ConvergenceError(
+                    f"the branch could not be followed between its points at {curve.name} = {before[-1]:.8g} and "
+                    f"{after[-1]:.8g} ({found.reason}): trace it in smaller steps, PseudoArclength(angle=...)",
+                    result,
+                )
+            points[share] = found.y
+        return float(points[share][-1] - value)
+
+    share = float(brentq(beyond, 0.0, 1.0, xtol=1e-14, rtol=8.9e-16))
+    beyond(share)
+    y = np.append(points[share][:-1], value)
+    residual = float(np.max(np.abs(curve.residual(y)))) / max(curve.term_size(y), float(np.finfo(float).tiny))
+    return make_solution(curve.problem, y[:-1], curve.values(y), statistics={"start": "branch", "residual": residual})

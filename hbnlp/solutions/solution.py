@@ -1,0 +1,159 @@
+"""One periodic solution: its coefficients, what was asked of it, and how it was found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.checks import unknown_name
+from hbnlp.core.kinds import Status
+from hbnlp.core.types import Array, ComplexArray
+from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solution:
+    """A periodic solution ``q(tau) = a_0 + sum_h a_{2h-1} cos(h tau / periods) + a_{2h} sin(h tau / periods)``.
+
+    Attributes
+    ----------
+    coefficients : array (n_dof, 2H+1)
+    parameters : dict
+        Value of every parameter.
+    amplitudes : array (n_outputs, H+1), complex
+        Harmonics of all outputs, ``a_0`` and ``a_{2h-1} - i a_{2h}``.
+    output_names : tuple of str
+    periods : int
+        Length in forcing periods.
+    status : Status
+    statistics : dict
+        How it was found: iterations, the residual relative to its terms, the samples of the force, the start that led
+        here.
+    problem : HarmonicBalance or None
+        None for a solution loaded from a file.
+    """
+
+    coefficients: Array
+    parameters: Mapping[str, float]
+    amplitudes: ComplexArray
+    output_names: tuple[str, ...]
+    periods: int = 1
+    status: Status = Status.CONVERGED
+    statistics: Mapping[str, float | str] = field(default_factory=dict)
+    problem: HarmonicBalance | None = field(default=None, repr=False)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the balance holds."""
+        return self.status is Status.CONVERGED
+
+    @property
+    def n_harmonics(self) -> int:
+        """Number of harmonics H."""
+        return int(self.coefficients.shape[1] - 1) // 2
+
+    @property
+    def omega(self) -> float:
+        """Forcing frequency."""
+        return self.parameters["omega"]
+
+    def harmonics(self, output: str) -> ComplexArray:
+        """Return the complex amplitudes (H+1,) of a named output."""
+        return np.asarray(self.amplitudes[self._index(output)])
+
+    def signal(self, output: str, t: ArrayLike) -> Array:
+        """Return a named output at times t, from its harmonics (exact for outputs that are linear)."""
+        return np.asarray(self._at(t) @ to_real(self.harmonics(output)))
+
+    def displacement(self, t: ArrayLike) -> Array:
+        """Return q at times t: array (n_dof, len(t))."""
+        return self.coefficients @ self._at(t).T
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """Return q' at times t: array (n_dof, len(t))."""
+        rate = self.omega / self.periods
+        return rate * self.coefficients @ basis_derivatives(rate * np.asarray(t, dtype=float), self.n_harmonics).T
+
+    def __call__(self, expression: ca.MX) -> Array:
+        """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``.
+
+        Raises
+        ------
+        ValueError
+            If the solution came from a file, without its problem.
+        """
+        if self.problem is None:
+            raise ValueError(
+                "a solution from a file has no problem to evaluate expressions with; solve it again from there"
+            )
+        function = ca.Function("expression", [self.problem.x, self.problem.p], [ca.densify(expression)])
+        return np.asarray(
+            function(self.coefficients.ravel(), np.array(list(self.parameters.values()))).full().squeeze()
+        )
+
+    def _at(self, t: ArrayLike) -> Array:
+        return basis_values(self.omega / self.periods * np.asarray(t, dtype=float), self.n_harmonics)
+
+    def _index(self, output: str) -> int:
+        if output not in self.output_names:
+            raise KeyError(unknown_name("output", output, self.output_names))
+        return self.output_names.index(output)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value:.10g}" for name, value in self.parameters.items())
+        first = ", ".join(
+            f"|{name}| = {abs(row[1]):.6g}" for name, row in zip(self.output_names[:4], self.amplitudes, strict=False)
+        )
+        statistics = ", ".join(
+            f"{name} {value:.3g}" if isinstance(value, float) else f"{name} {value}"
+            for name, value in self.statistics.items()
+        )
+        return (
+            f"Solution ({self.status.name.lower()}), {self.n_harmonics} harmonics of omega"
+            f"{f' / {self.periods}' if self.periods > 1 else ''}\n  at {values}\n  first harmonics: {first}\n  "
+            f"{statistics}"
+        )
+
+
+def make_solution(
+    problem: HarmonicBalance,
+    x: Array,
+    values: Array,
+    *,
+    status: Status = Status.CONVERGED,
+    statistics: Mapping[str, float | str] | None = None,
+) -> Solution:
+    """Return the record of unknowns ``x`` at parameter values, with the harmonics of all outputs."""
+    return Solution(
+        coefficients=x.reshape(problem.shape).copy(),
+        parameters=problem.system.parameters.as_dict(values),
+        amplitudes=problem.output_harmonics(x, values)[0],
+        output_names=problem.system.output_names,
+        periods=problem.periods,
+        status=status,
+        statistics={"samples": problem.n_samples, **(statistics or {})},
+        problem=problem,
+    )
+
+
+def guess_for(problem: HarmonicBalance, near: Solution | ArrayLike) -> Array:
+    """Return a solution of the same or of fewer periods, or coefficients (n_dof, any odd number), as unknowns.
+
+    Raises
+    ------
+    ValueError
+        If the problem's periods are no multiple of the solution's, or the coefficients have another shape.
+    """
+    if not isinstance(near, Solution):
+        return problem.vector(near)
+    factor, rest = divmod(problem.periods, near.periods)
+    if rest or not factor:
+        raise ValueError(
+            f"the solution has {near.periods} period(s) and the problem {problem.periods}; a divisor is needed"
+        )
+    return problem.vector(stretch(near.coefficients, factor))

@@ -1,0 +1,1 @@
+"""Floquet multipliers: collocation of the linearised equations over a period."""

@@ -1,0 +1,207 @@
+"""The equations linearised about a periodic solution: constant matrices, and the derivatives of f over the period.
+
+For a smooth force the derivatives f_q(t), f_v(t) are short Fourier series. They are fitted once to few samples (and are
+exact for a polynomial force), so that a finer mesh in time costs no further evaluation of f. Where a series has the
+harmonics r, 2r, ... only (r = 2 for symmetric solutions), the linearised equations repeat r times in a period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from math import gcd
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.core.errors import NonFiniteError
+from hbnlp.core.types import Array
+from hbnlp.fourier import basis_derivatives, basis_values, to_real
+from hbnlp.stability.collocation import Gauss, Plant
+from hbnlp.systems.system import System, check_mass
+
+# Harmonics smaller than this, relative to the largest, are rounding.
+_ROUNDING = 1e-12
+_MOST_SAMPLES = 1024
+
+# (intervals in the repeating part, first, last) -> entries at the nodes of intervals first..last-1
+NodeValues = Callable[[int, int, int], Array]
+
+
+class Variation(NamedTuple):
+    """The entries of f_q and f_v that may differ from zero, over a period.
+
+    Attributes
+    ----------
+    mean : (n_entries,)
+        Their means.
+    repeats : int
+        How often they repeat in the period.
+    at : callable or None
+        Their values ((last - first) * nodes, n_entries) on a mesh; None where they are constant.
+    smooth : bool
+        Whether their Fourier series converges; if not, ``at`` evaluates f's derivatives at the nodes themselves.
+    """
+
+    mean: Array
+    repeats: int
+    at: NodeValues | None
+    smooth: bool = True
+
+
+class Linearisation:
+    """A system linearised about solutions of ``n_harmonics`` harmonics; compiled once.
+
+    Parameters
+    ----------
+    system : System
+    periods : int
+        Forcing periods in one period of the solution.
+    n_harmonics : int
+    nodes : int
+        Gauss nodes an interval.
+    tol : float
+        Where a Fourier series is cut off, relative to its largest term.
+    """
+
+    def __init__(self, system: System, periods: int, n_harmonics: int, *, nodes: int, tol: float) -> None:
+        self.system, self.periods, self.n_harmonics = system, periods, n_harmonics
+        self._nodes, self._tol = nodes, tol
+        self._omega = system.parameters.index("omega")
+        n, m = system.n_dof, system.n_lags
+        by_q, by_v = ca.jacobian(system.force, system.q), ca.jacobian(system.force, system.v)
+        triplets = (np.array(e.sparsity().get_triplet(), dtype=int) for e in (by_q, by_v))
+        self._places = [rows * n + columns for rows, columns in triplets]
+        entries = ca.cse(ca.densify(ca.vertcat(by_q.nz[:], by_v.nz[:])))
+        self._n_entries = entries.numel()
+        self._entries = ca.Function("entries", [system.q, system.v, system.tau, system.p], [entries])
+        self._samplers: dict[int, tuple[Callable[[], None], list[Array]]] = {}
+
+        # The memory is CasADi's column-major: arrays transposed. It belongs to the buffer for ever.
+        self._matrices = [np.zeros(shape) for shape in ((n, n), (n, n), (n, n), (m, n))]
+        self._values = np.zeros(len(system.parameters.names))
+        self._trigger = _connect(system.matrices, [self._values], self._matrices)
+
+    def plant(self, values: Array) -> Plant:
+        """Return the constant matrices at the parameter values; a singular mass matrix is a ValueError."""
+        self._values[:] = values
+        self._trigger()
+        mass, damping, stiffness, lag_output = (matrix.T.copy() for matrix in self._matrices)
+        check_mass(mass)
+        return Plant(mass, damping, stiffness, lag_output, self.system.lag_state, self.system.lag_input)
+
+    def matrices(self, entries: Array) -> tuple[Array, Array | None]:
+        """Return f_q and f_v (count, n, n) of their entries (count, n_entries); None for an f that has no f_v."""
+        n, split = self.system.n_dof, len(self._places[0])
+        by_q = _filled(self._places[0], entries[:, :split], n)
+        return by_q, _filled(self._places[1], entries[:, split:], n) if len(self._places[1]) else None
+
+    def samples(self, theta: Array, coefficients: Array, values: Array) -> Array:
+        """Return the entries of f_q and f_v at phases theta: (len(theta), n_entries), valid until the next call.
+
+        Raises
+        ------
+        NonFiniteError
+            If one of them is not finite.
+        """
+        return self._sample(theta, *_sampling(theta, self.n_harmonics), coefficients, values)
+
+    def variation(self, coefficients: Array, values: Array) -> Variation:
+        """Return f_q and f_v over the period about a solution (n_dof, 2H+1)."""
+        if not self._n_entries:
+            return Variation(np.zeros(0), 1, None)
+        count = 6 * self.n_harmonics + 6
+        while True:
+            theta, sampling, slope, check = _equidistant(count, self.n_harmonics)
+            entries = self._sample(theta, sampling, slope, coefficients, values)
+            amplitudes = np.fft.rfft(entries[:count], axis=0)[: count // 2] * (2.0 / count)
+            amplitudes[0] *= 0.5
+            series, scale = to_real(amplitudes.T).T, np.abs(entries).max()
+            if np.abs(check @ series - entries[count:]).max() <= self._tol * scale:
+                break
+            if count > _MOST_SAMPLES:
+                return Variation(series[0], 1, self._on_demand(coefficients, values), smooth=False)
+            count *= 2
+        present = np.flatnonzero(np.abs(amplitudes[1:]).max(axis=1) > _ROUNDING * scale) + 1
+        if not len(present):
+            return Variation(series[0], 1, None)
+        repeats, highest, nodes = gcd(*present.tolist()), int(present[-1]), self._nodes
+        series = to_real(amplitudes[: highest + 1 : repeats].T).T
+
+        def at(intervals: int, first: int, last: int) -> Array:
+            basis = _basis_at_nodes(intervals, nodes, highest // repeats)
+            at_nodes: Array = basis[first * nodes : last * nodes] @ series
+            return at_nodes
+
+        return Variation(series[0], repeats, at)
+
+    def _on_demand(self, coefficients: Array, values: Array) -> NodeValues:
+        """Return the evaluation at the nodes themselves, for a force whose series does not converge."""
+
+        def at(intervals: int, first: int, last: int) -> Array:
+            return self.samples(_phases(intervals, self._nodes, first, last), coefficients, values)
+
+        return at
+
+    def _sample(self, theta: Array, sampling: Array, slope: Array, coefficients: Array, values: Array) -> Array:
+        count = len(theta)
+        if count not in self._samplers:
+            widths = (self.system.n_dof, self.system.n_dof, 1, len(values), self._n_entries)
+            memory = [np.zeros((count, width)) for width in widths]
+            self._samplers[count] = _connect(self._entries.map(count), memory[:4], memory[4:]), memory
+        trigger, (q, v, tau, p, entries) = self._samplers[count]
+        np.matmul(sampling, coefficients.T, out=q)
+        np.matmul(slope, coefficients.T * (values[self._omega] / self.periods), out=v)
+        np.multiply(theta, self.periods, out=tau[:, 0])
+        p[:] = values
+        trigger()
+        if not np.isfinite(entries).all():
+            where = theta[~np.isfinite(entries).all(axis=1)][0]
+            raise NonFiniteError(
+                f"a derivative of nonlinear_force is not finite at theta = {where:.6g} of the solution; smooth it there"
+            )
+        return entries
+
+
+def _connect(function: ca.Function, arguments: list[Array], results: list[Array]) -> Callable[[], None]:
+    """Return what evaluates a CasADi function from and to these arrays."""
+    buffer, trigger = function.buffer()
+    for i, array in enumerate(arguments):
+        buffer.set_arg(i, array.data)
+    for i, array in enumerate(results):
+        if array.size:
+            buffer.set_res(i, array.data)
+
+    # CasADi keeps bare pointers: buffer, function and arrays must live as long as the trigger.
+    def evaluate(_kept: tuple[Any, ...] = (buffer, function, arguments, results)) -> None:
+        trigger()
+
+    return evaluate
+
+
+def _phases(intervals: int, nodes: int, first: int, last: int) -> Array:
+    return 2.0 * np.pi / intervals * np.add.outer(np.arange(first, last), Gauss.of(nodes).c).ravel()
+
+
+def _filled(places: Array, part: Array, n: int) -> Array:
+    matrices = np.zeros((len(part), n * n))
+    matrices[:, places] = part
+    return matrices.reshape(-1, n, n)
+
+
+def _sampling(theta: Array, n_harmonics: int) -> tuple[Array, Array]:
+    return basis_values(theta, n_harmonics), basis_derivatives(theta, n_harmonics)
+
+
+@lru_cache(maxsize=32)
+def _equidistant(count: int, n_harmonics: int) -> tuple[Array, Array, Array, Array]:
+    """Return ``count`` equidistant phases and three between, to see aliasing; their bases; the fitted basis there."""
+    between = np.array([0.5, count // 3 + 0.36, 2 * count // 3 + 0.59])
+    theta = 2.0 * np.pi / count * np.concatenate([np.arange(count), between])
+    return theta, *_sampling(theta, n_harmonics), basis_values(theta[count:], count // 2 - 1)
+
+
+@lru_cache(maxsize=32)
+def _basis_at_nodes(intervals: int, nodes: int, n_harmonics: int) -> Array:
+    return basis_values(_phases(intervals, nodes, 0, intervals), n_harmonics)

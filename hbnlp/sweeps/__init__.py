@@ -1,0 +1,1 @@
+"""Marching through values of a parameter, by Newton's method or by direct integration, with the jumps."""

@@ -1,0 +1,91 @@
+"""Linear steady response of a system about rest to its own excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.core.types import ComplexArray
+from hbnlp.fourier import FourierBasis, to_complex
+from hbnlp.systems.system import System
+
+
+def linear_response(
+    system: System,
+    output: str,
+    omega: ArrayLike,
+    *,
+    at: Mapping[str, float] | None = None,
+    held: bool = False,
+) -> ComplexArray:
+    """Return the first harmonic of an output in the linear steady response to the system's own excitation.
+
+    Parameters
+    ----------
+    system : System
+    output : str
+        Name of an output; a nonlinear one is linearised about rest.
+    omega : array_like, any shape (...)
+        Angular frequencies.
+    at : mapping of parameter names to values, optional
+        Overrides of the defaults.
+    held : bool
+        Whether the degrees of freedom are held at zero, so that only the prescribed motion and the lag states act:
+        the rigid wing beside the membrane wing.
+
+    Returns
+    -------
+    ndarray of complex, shape (...)
+        Amplitudes a_1 - i a_2 of ``a_1 cos(tau) + a_2 sin(tau)``.
+    """
+    index = system.output_index(output)
+    frequencies = np.asarray(omega, dtype=float)
+    slot = system.parameters.index("omega")
+    base = system.parameters.values(at, but=("omega",))
+    basis = FourierBasis(1, 64)
+    excitation, outputs, slopes = system.excitation.map(64), system.outputs.map(64), _output_slopes(system, index)
+    n, m = system.n_dof, system.n_lags
+    laws = [system.mass, system.damping, system.stiffness, system.lag_output, system.force]
+    varies = any(ca.depends_on(law, system.p[slot]) for law in laws)
+    matrix = system.linearisation(system.parameters.as_dict(np.nan_to_num(base)))
+    amplitudes = np.empty(frequencies.shape, dtype=complex)
+    for position in np.ndindex(frequencies.shape):
+        values = base.copy()
+        values[slot] = frequencies[position]
+        s = 1j * values[slot]
+        parameters = np.tile(values[:, np.newaxis], 64)
+        load, lag_load = (_first(basis, e) for e in excitation(basis.theta[np.newaxis, :], parameters))
+        if held:
+            lags = np.linalg.solve(s * np.eye(m) - system.lag_state, lag_load) if m else lag_load
+            state = np.concatenate([np.zeros(2 * n), lags])
+        else:
+            acceleration = np.linalg.solve(system.state_matrices(values)[0], load)
+            drive = np.concatenate([np.zeros(n), acceleration, system.lag_input @ acceleration + lag_load])
+            if varies:
+                matrix = system.linearisation(system.parameters.as_dict(values))
+            state = np.linalg.solve(s * np.eye(2 * n + m) - matrix, drive)
+        q, v, x = state[:n], state[n : 2 * n], state[2 * n :]
+        signals = np.concatenate([q, v, s * v, x])
+        still = [np.zeros((size, 64)) for size in (n, n, n, m)]
+        direct = _first(basis, outputs(*still, basis.theta[np.newaxis, :], parameters))[index]
+        amplitudes[position] = direct + np.array(slopes(values))[0] @ signals
+    return amplitudes
+
+
+def _first(basis: FourierBasis, samples: ca.DM) -> ComplexArray:
+    """Return the first-harmonic amplitudes of signals sampled along the columns."""
+    return to_complex(samples.full() @ basis.projection.T)[:, 1]
+
+
+def _output_slopes(system: System, index: int) -> ca.Function:
+    """Return the function p -> derivatives (1, 3 n + m) of an output by q, q', q'' and x, at rest and tau = 0."""
+    n, m = system.n_dof, system.n_lags
+    signals = ca.SX.sym("signals", 3 * n + m)
+    parts = ca.vertsplit(signals, [0, n, 2 * n, 3 * n, 3 * n + m])
+    value = system.outputs(*parts, 0.0, system.p)[index]
+    slopes = ca.Function("slopes", [signals, system.p], [ca.densify(ca.jacobian(value, signals))])
+    rest = slopes(np.zeros(3 * n + m), system.p)
+    return ca.Function("output_slopes", [system.p], [rest])

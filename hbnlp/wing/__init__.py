@@ -1,0 +1,1 @@
+"""The membrane wing: membranes, their coupling with aerodynamics, linear lift response."""

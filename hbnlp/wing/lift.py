@@ -1,0 +1,104 @@
+"""Linear frequency response of membrane wings of several tensions, beside the rigid wing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.core.checks import real_number
+from hbnlp.core.types import Array, ComplexArray
+from hbnlp.systems.linear_response import linear_response
+from hbnlp.systems.linear_stability import eigenvalues
+from hbnlp.systems.system import System
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LiftResponse:
+    """First-harmonic lift per pitching acceleration, C_L / alpha'', of linear membrane wings and of the rigid wing.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (n_omega,)
+        Angular frequencies, U/c.
+    tensions : ndarray, shape (n_tensions,)
+        Tensions c_T = 2 Eh delta0 at rest.
+    membrane : ndarray of complex, shape (n_tensions, n_omega)
+        C_L / alpha'' of each membrane wing.
+    rigid : ndarray of complex, shape (n_omega,)
+        C_L / alpha'' of the wing with its membrane held flat.
+    growth : ndarray, shape (n_tensions,)
+        Largest growth rate of each wing about rest. Where it is positive the steady response is not reached.
+    """
+
+    omega: Array
+    tensions: Array
+    membrane: ComplexArray
+    rigid: ComplexArray
+    growth: Array
+
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the gains in decibels over log omega, a line a tension; see `hbnlp.plot.plot_lift_response`."""
+        from hbnlp.plot import plot_lift_response
+
+        return plot_lift_response(self, ax=ax, **options)
+
+    def __repr__(self) -> str:
+        tensions = ", ".join(
+            f"{c:g}" + ("" if g < 0.0 else " (unstable)") for c, g in zip(self.tensions, self.growth, strict=True)
+        )
+        return (
+            f"LiftResponse: {self.omega.size} frequencies from {self.omega.min():g} to {self.omega.max():g}\n"
+            f"  c_T = {tensions}, and rigid"
+        )
+
+
+def lift_response(
+    wing: System, omega: ArrayLike, *, tensions: ArrayLike, at: Mapping[str, float] | None = None
+) -> LiftResponse:
+    """Return the linear frequency response C_L / alpha'' of a wing for several tensions, beside the rigid wing.
+
+    Parameters
+    ----------
+    wing : System
+        A wing from `hbnlp.membrane_wing`, which pitches.
+    omega : array_like, shape (n_omega,)
+        Angular frequencies, positive, U/c.
+    tensions : array_like, shape (n_tensions,)
+        Values of c_T = 2 Eh delta0, reached by the prestrain at the wing's stiffness.
+    at : mapping of parameter names to values, optional
+        Overrides of the wing's values. A ``pitch_amplitude`` that is not given here is one: the response is linear.
+
+    Raises
+    ------
+    ValueError
+        If a frequency or a tension is not positive, if the wing does not pitch, or if it is no membrane wing.
+    """
+    names = set(wing.parameters.names)
+    if not {"stiffness", "prestrain"} <= names or not {"C_L", "alpha_acceleration"} <= set(wing.output_names):
+        raise ValueError(f"{wing.name!r} is no membrane wing; give one made by hbnlp.membrane_wing")
+    frequencies = np.array([real_number("omega", w, above=0.0) for w in np.atleast_1d(omega)])
+    values = np.array([real_number("tensions", c, above=0.0) for c in np.atleast_1d(tensions)])
+    given = dict(at or {})
+    if "pitch_amplitude" in names:
+        given.setdefault("pitch_amplitude", 1.0)
+    stiffness = given.get("stiffness", wing.parameters.defaults["stiffness"])
+    acceleration = linear_response(wing, "alpha_acceleration", frequencies, at=given, held=True)
+    if np.any(acceleration == 0.0):
+        raise ValueError(
+            "the wing does not pitch, so C_L / alpha'' has no value; give a pitch_amplitude that is not zero"
+        )
+    cases = [{**given, "prestrain": c / (2.0 * stiffness)} for c in values]
+    return LiftResponse(
+        omega=frequencies,
+        tensions=values,
+        membrane=np.array([linear_response(wing, "C_L", frequencies, at=case) for case in cases]) / acceleration,
+        rigid=linear_response(wing, "C_L", frequencies, at=given, held=True) / acceleration,
+        growth=np.array([eigenvalues(wing, case)[0].real for case in cases]),
+    )

@@ -1,0 +1,83 @@
+"""A Solution as a record: harmonics, signals, and expressions of the program."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import load_branch
+from hbnlp.branches.tracing import trace
+from hbnlp.solutions.solving import solve
+from hbnlp.systems import chain, duffing
+
+
+@pytest.fixture(scope="module")
+def solution():
+    return solve(HarmonicBalance(duffing(), 7), at={"omega": 1.2})
+
+
+def test_harmonics_are_those_of_the_coefficients(solution):
+    a = solution.coefficients[0]
+    np.testing.assert_allclose(solution.harmonics("x"), [a[0], *(a[1::2] - 1j * a[2::2])], atol=1e-15)
+
+
+def test_signals_satisfy_the_equation_of_motion(solution):
+    """x'' + 2 z x' + x + g x^3 = F cos(w t), x'' by differences of the velocity."""
+    t = np.linspace(0.0, 6.0, 50)
+    x, v = solution.displacement(t)[0], solution.velocity(t)[0]
+    a = (solution.velocity(t + 1e-4)[0] - solution.velocity(t - 1e-4)[0]) / 2e-4
+    np.testing.assert_allclose(a + 0.05 * v + x + 0.1 * x**3, 0.18 * np.cos(1.2 * t), atol=1e-7)
+    np.testing.assert_allclose(solution.signal("x", t), x, atol=1e-14)
+    np.testing.assert_allclose((solution.signal("x", t + 1e-5) - solution.signal("x", t - 1e-5)) / 2e-5, v, atol=1e-8)
+
+
+def test_signals_over_two_periods_repeat_after_two():
+    twice = solve(HarmonicBalance(duffing(), 10, periods=2), at={"omega": 1.2})
+    once = solve(HarmonicBalance(duffing(), 5), at={"omega": 1.2})
+    t = np.linspace(0.0, 20.0, 40)
+    np.testing.assert_allclose(twice.displacement(t), once.displacement(t), atol=1e-9)
+    np.testing.assert_allclose(twice.velocity(t), once.velocity(t), atol=1e-9)
+    np.testing.assert_allclose(twice.signal("x", t), once.signal("x", t), atol=1e-9)
+
+
+def test_one_time_gives_one_value(solution):
+    assert np.shape(solution.signal("x", 0.5)) == ()
+    assert solution.displacement(0.5).shape == (1,)
+    assert solution.velocity(0.5).shape == (1,)
+
+
+def test_an_expression_of_the_program_is_evaluated(solution):
+    problem = solution.problem
+    assert solution(problem.amplitude_squared("x")) == pytest.approx(abs(solution.harmonics("x")[1]) ** 2)
+    assert solution(problem.parameter("force") * 2.0) == pytest.approx(0.36)
+    np.testing.assert_allclose(solution(problem.output("x")), solution.coefficients[0], atol=1e-14)
+    work = ca.vertcat(problem.coefficients(0)[2] * problem.parameter("omega"), 1.0)
+    np.testing.assert_allclose(solution(work), [1.2 * solution.coefficients[0, 2], 1.0])
+
+
+def test_it_knows_where_and_how_it_was_found(solution):
+    assert solution.converged
+    assert solution.omega == 1.2
+    assert solution.n_harmonics == 7
+    assert dict(solution.parameters) == {"damping_ratio": 0.025, "cubic": 0.1, "force": 0.18, "omega": 1.2}
+    assert {"start", "method", "iterations", "residual", "samples"} <= set(solution.statistics)
+
+
+def test_an_unknown_output_is_refused_with_the_known_ones(solution):
+    with pytest.raises(KeyError, match=r"unknown output 'y' \(known: x\)"):
+        solution.harmonics("y")
+
+
+def test_the_repr_is_at_most_five_lines():
+    many = solve(HarmonicBalance(chain(6), 3), at={"omega": 2.5})
+    assert repr(many).startswith("Solution (converged), 3 harmonics of omega")
+    assert len(repr(many).splitlines()) <= 5
+
+
+def test_a_solution_from_a_file_says_that_it_has_no_problem(tmp_path):
+    problem = HarmonicBalance(duffing(), 1)
+    trace(problem, "omega", (0.5, 0.6), stability=None).save(tmp_path / "branch.npz")
+    loaded = load_branch(tmp_path / "branch.npz").solution(0)
+    assert loaded.harmonics("x").shape == (2,)
+    with pytest.raises(ValueError, match="a solution from a file has no problem"):
+        loaded(problem.amplitude_squared("x"))

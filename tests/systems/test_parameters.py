@@ -1,0 +1,114 @@
+"""Parameters: names in order, values that can be overridden, and messages that help."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hbnlp.systems.parameters import Namespace, ParameterSet, unknown_name
+
+names = st.lists(st.text("abcdefgh_", min_size=1, max_size=5), min_size=1, max_size=6, unique=True)
+finite = st.floats(-1e6, 1e6)
+examples = settings(max_examples=30, deadline=None)
+
+
+@examples
+@given(names, st.data())
+def test_values_come_in_the_order_of_the_names_and_back(keys, data):
+    entries = {key: data.draw(finite) for key in keys}
+    parameters = ParameterSet({"omega": 1.0, **entries})
+    values = parameters.values()
+    assert parameters.as_dict(values) == {"omega": 1.0, **entries}
+    for key in keys:
+        assert values[parameters.index(key)] == entries[key]
+
+
+@examples
+@given(names, st.data())
+def test_values_given_override_the_defaults_and_leave_them_alone(keys, data):
+    parameters = ParameterSet({**dict.fromkeys(keys, 0.5), "omega": 1.0})
+    chosen = data.draw(st.sampled_from(keys))
+    given_value = data.draw(finite)
+    values = parameters.as_dict(parameters.values({chosen: given_value}))
+    assert values == {**parameters.defaults, chosen: given_value}
+    assert parameters.defaults[chosen] == (1.0 if chosen == "omega" else 0.5)
+
+
+def test_omega_is_always_a_parameter_and_the_last_one_unless_named():
+    assert ParameterSet({"force": 0.1}).names == ("force", "omega")
+    assert ParameterSet({"omega": 2.0, "force": 0.1}).names == ("omega", "force")
+
+
+def test_a_parameter_without_value_must_be_given():
+    with pytest.raises(ValueError, match=r"'omega' has no value; give one, for instance at=\{'omega': 1.0\}"):
+        ParameterSet({"force": 0.1}).values()
+
+
+def test_a_parameter_that_is_about_to_be_varied_may_be_without_a_value():
+    values = ParameterSet({"force": 0.1}).values(but=("omega",))
+    assert values[0] == 0.1
+    assert np.isnan(values[1])
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_value_given_must_be_finite(value):
+    with pytest.raises(ValueError, match=r"parameter 'force' was given as -?(nan|inf); a finite number is needed"):
+        ParameterSet({"force": 0.1}).values({"force": value, "omega": 1.0})
+
+
+def test_a_default_must_not_be_infinite():
+    with pytest.raises(ValueError, match="parameter 'force' has the value inf; a finite number is needed"):
+        ParameterSet({"force": np.inf})
+
+
+@pytest.mark.parametrize("value", ["much", None, [1.0, 2.0], np.ones(2)])
+def test_what_is_no_number_is_refused_by_name(value):
+    with pytest.raises((ValueError, TypeError), match="parameter 'force'"):
+        ParameterSet({"force": value})
+    with pytest.raises((ValueError, TypeError), match="parameter 'force'"):
+        ParameterSet({"force": 1.0, "omega": 1.0}).values({"force": value})
+
+
+@pytest.mark.parametrize("name", ["c T", "2mu", "a-b", ""])
+def test_a_name_must_be_an_identifier(name):
+    with pytest.raises(ValueError, match="is not a Python identifier; rename it"):
+        ParameterSet({name: 1.0})
+
+
+def test_an_unknown_name_is_refused_with_the_nearest_known_one():
+    parameters = ParameterSet({"stiffness": 1.0, "omega": 1.0})
+    for call in (lambda: parameters.index("stifness"), lambda: parameters.values({"stifness": 2.0})):
+        with pytest.raises(KeyError, match="unknown parameter 'stifness'; did you mean 'stiffness'"):
+            call()
+    with pytest.raises(KeyError, match="unknown parameter 'stifness'"):
+        parameters.values(but=("stifness",))
+
+
+def test_the_message_lists_what_is_known():
+    assert unknown_name("output", "zzz", ("C_L", "W1")) == "unknown output 'zzz' (known: C_L, W1)"
+    assert unknown_name("output", "zzz", ()) == "unknown output 'zzz' (known: none)"
+
+
+def test_a_namespace_reads_by_attribute_and_by_item():
+    p = Namespace("parameter", {"omega": 2.0, "mu": 0.5})
+    assert p.omega == p["omega"] == 2.0
+    assert dict(p) == {"omega": 2.0, "mu": 0.5}
+    assert len(p) == 2
+    assert repr(p) == "<parameters: omega, mu>"
+
+
+def test_a_namespace_names_the_nearest_entry_for_a_wrong_one():
+    p = Namespace("parameter", {"omega": 2.0})
+    with pytest.raises(AttributeError, match="unknown parameter 'omga'; did you mean 'omega'"):
+        _ = p.omga
+    with pytest.raises(KeyError, match="unknown parameter 'omga'; did you mean 'omega'"):
+        _ = p["omga"]
+
+
+def test_a_namespace_is_read_only():
+    p = Namespace("parameter", {"omega": 2.0})
+    with pytest.raises(TypeError):
+        p["omega"] = 3.0
+    with pytest.raises(AttributeError):
+        p.omega = 3.0
+    assert p.omega == p["omega"] == 2.0
