@@ -8,10 +8,12 @@ from importlib.metadata import version
 from hbnlp import aero, design, identification, systems
 from hbnlp.aero import AeroROM
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import Branch, SpecialPoint, load_branch
+from hbnlp.branches.branch import Branch, load_branch
 from hbnlp.branches.extrema import locate_peak, peaks
-from hbnlp.branches.fold_curves import FoldBranch, fold_curve
+from hbnlp.branches.fold_curves import FoldBranch
+from hbnlp.branches.following import fold_curve
 from hbnlp.branches.resolution import ResolvedBranch, resolve_harmonics
+from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracer import Tracer
 from hbnlp.branches.tracing import trace
@@ -31,14 +33,15 @@ from hbnlp.core.kinds import End, FoldEvent, Kind, Status
 from hbnlp.integration.methods import Adaptive, RungeKutta4
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.settling import integrate
+from hbnlp.solutions.ipopt import Ipopt
+from hbnlp.solutions.rootfinder import Rootfinder
 from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution
-from hbnlp.solutions.solving import Ipopt, Rootfinder, solve
+from hbnlp.solutions.solving import solve
 from hbnlp.solutions.truncation import truncation_error
 from hbnlp.stability.multipliers import Floquet, FloquetResult, floquet
-from hbnlp.sweeps.by_newton import Sweep
+from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.sweeps.sweeping import sweep
-from hbnlp.sweeps.time_records import TimeSweep
 from hbnlp.systems.linear_stability import eigenvalues, stability_limits
 from hbnlp.systems.system import System
 from hbnlp.wing.coupling import membrane_wing

@@ -22,6 +22,9 @@ from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import FourierBasis, differentiation, n_coefficients, resize, to_complex
 from hbnlp.systems.system import System
 
+ALIASING_TOL = 1e-9
+"""More samples of the force must not move the residual by more than this, relative to its terms."""
+
 
 class HarmonicBalance:
     """The periodic solutions of a system with H harmonics, as square equations and as a nonlinear program.
@@ -115,6 +118,14 @@ class HarmonicBalance:
         finer = HarmonicBalance(self.system, self.n_harmonics, periods=self.periods, n_samples=2 * self.n_samples)
         finer.samples_are_settled = False
         return finer
+
+    def samples_suffice(self, x: Array, values: Array) -> bool:
+        """Return whether twice the samples of the force leave the residual at a solution within the tolerance."""
+        if self.samples_are_settled:
+            return True
+        fine, coarse = (each.assembly.residual(x, values) for each in (self.oversampled(), self))
+        moved = float(np.max(np.abs(fine - coarse)))
+        return moved <= ALIASING_TOL * max(self.assembly.term_size(x, values), float(np.finfo(float).tiny))
 
     def vector(self, coefficients: ArrayLike) -> Array:
         """Return coefficients (n, any odd number), cut or padded to 2H+1, as a vector of unknowns."""

@@ -10,59 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import counted, unknown_name
+from hbnlp.branches.special_points import SpecialPoint, packed, unpacked
+from hbnlp.continuation.curve import TINY
+from hbnlp.core.checks import counted, position
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.crossing import solution_between
-from hbnlp.solutions.equations import ParameterCurve
-from hbnlp.solutions.solution import Solution, make_solution
+from hbnlp.solutions.equations import along_parameter
+from hbnlp.solutions.solution import Solution, attached
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _KIND = "branch"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SpecialPoint:
-    """A point where something happens, bracketed by two points of the branch and then solved for.
-
-    Attributes
-    ----------
-    kind : Kind
-    value : float
-        The continuation parameter there.
-    bracket : (float, float)
-        Its values at the two points of the branch between which the special point lies.
-    index : int
-        Number of the branch's point before it.
-    refined : bool
-        Whether it was solved for; if not, value and solution are those of the branch's point after it.
-    solution : Solution
-    null : array (n_dof, 2H+1) or None
-        Null vector of the Jacobian at a fold; second tangent direction at a branch point; None at the others.
-    multiplier : complex or None
-        The critical Floquet multiplier, where stability was computed. At a fold or branch point it belongs to the null
-        vector of the balance, and is +1 but for the harmonics that are left out: far from it, the point is one of the
-        truncated equations alone.
-    sensitivity : dict
-        At a fold: derivative of its value by every other parameter, from the left null vector.
-    """
-
-    kind: Kind
-    value: float
-    bracket: tuple[float, float]
-    index: int
-    refined: bool
-    solution: Solution = field(repr=False)
-    null: Array | None = field(default=None, repr=False)
-    multiplier: complex | None = None
-    sensitivity: Mapping[str, float] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        state = "" if self.refined else " (not refined)"
-        return f"{self.kind.value} at {self.value:.12g}{state}, between {self.bracket[0]:.8g} and {self.bracket[1]:.8g}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,9 +98,7 @@ class Branch:
 
     def harmonics(self, output: str) -> ComplexArray:
         """Return the complex amplitudes (n_points, H+1) of a named output: ``a_0`` and ``a_{2h-1} - i a_{2h}``."""
-        if output not in self.output_names:
-            raise KeyError(unknown_name("output", output, self.output_names))
-        return self.amplitudes[:, self.output_names.index(output)]
+        return self.amplitudes[:, position("output", output, self.output_names)]
 
     def values(self, index: int) -> dict[str, float]:
         """Return the values of all parameters at a point, in the system's order."""
@@ -174,14 +133,12 @@ class Branch:
         ConvergenceError
             If the branch cannot be followed between two of its points.
         """
-        if self.problem is None:
-            raise ValueError("a branch from a file has no problem to be solved with; trace or resume it with its own")
-        values = np.array([self.parameters.get(name, np.nan) for name in self.parameter_names])
-        curve = ParameterCurve(self.problem, values, self.name, 0.01 * abs(self.span[1] - self.span[0]))
-        curve.solution_floor = max(1e-3 * self._largest, curve.solution_floor)
-        points = np.column_stack([self.coefficients.reshape(len(self), -1), self.parameter])
+        problem = attached(self)
+        values = problem.values(self.parameters, but=(self.name,))
+        curve = along_parameter(problem, values, self.name, span=self.span, floor=max(1e-3 * self._largest, TINY))
+        points = np.array([curve.point(self.coefficients[i], self.parameter[i]) for i in range(len(self))])
         turns = [fold for fold in self.folds if fold.refined]
-        turning = [np.append(fold.solution.coefficients.ravel(), fold.value) for fold in turns]
+        turning = [curve.point(fold.solution.coefficients, fold.value) for fold in turns]
         points = np.insert(points, [fold.index + 1 for fold in turns], turning, axis=0) if turns else points
         if self.closed:
             points[-1] = points[0]  # the same but for round-off, and counted once
@@ -189,7 +146,7 @@ class Branch:
         found = []
         for i in range(len(points) - self.closed):
             if ahead[i] == 0.0:
-                found.append(make_solution(self.problem, points[i, :-1], curve.values(points[i])))
+                found.append(curve.solution(points[i]))
             elif i + 1 < len(points) and ahead[i] * ahead[i + 1] < 0.0:
                 found.append(solution_between(curve, points[i], points[i + 1], float(value)))
         return tuple(found)
@@ -232,17 +189,10 @@ class Branch:
         SaveError
             If it cannot be written; the branch in memory and an older file are as they were.
         """
-        arrays = {name: getattr(self, name) for name in _COLUMNS if getattr(self, name) is not None}
-        points = self.special_points
-        if points:
-            arrays["special_coefficients"] = np.array([p.solution.coefficients for p in points])
-            arrays["special_amplitudes"] = np.array([p.solution.amplitudes for p in points])
-            absent = np.full(self.coefficients.shape[1:], np.nan)
-            arrays["special_null"] = np.array([absent if p.null is None else p.null for p in points])
+        arrays, special_points = packed(self.special_points, self.coefficients.shape[1:])
+        arrays |= {name: getattr(self, name) for name in _COLUMNS if getattr(self, name) is not None}
         metadata = {name: getattr(self, name) for name in _METADATA}
-        metadata["parameters"] = dict(self.parameters)
-        metadata["end"] = self.end.name
-        metadata["special_points"] = [_special_metadata(p) for p in points]
+        metadata |= {"parameters": dict(self.parameters), "end": self.end.name, "special_points": special_points}
         save_arrays(path, _KIND, arrays, metadata)
 
     def __repr__(self) -> str:
@@ -292,48 +242,13 @@ def load_branch(path: str | os.PathLike[str]) -> Branch:
     arrays, metadata = load_arrays(path, _KIND)
     columns: dict[str, Any] = {name: arrays.get(name) for name in _COLUMNS}
     fields: dict[str, Any] = {name: tuple(v) if isinstance(v := metadata[name], list) else v for name in _METADATA}
-    shared: dict[str, Any] = {"output_names": fields["output_names"], "periods": fields["periods"]}
-    points = []
-    for i, entry in enumerate(metadata["special_points"]):
-        null = arrays["special_null"][i]
-        solution = Solution(
-            coefficients=arrays["special_coefficients"][i],
-            amplitudes=arrays["special_amplitudes"][i],
-            parameters=entry["parameters"],
-            statistics=entry["statistics"],
-            **shared,
-        )
-        points.append(
-            SpecialPoint(
-                kind=Kind[entry["kind"]],
-                value=entry["value"],
-                bracket=(entry["bracket"][0], entry["bracket"][1]),
-                index=entry["index"],
-                refined=entry["refined"],
-                solution=solution,
-                null=None if np.all(np.isnan(null)) else null,
-                multiplier=None if entry["multiplier"] is None else complex(*entry["multiplier"]),
-                sensitivity=entry["sensitivity"],
-            )
-        )
+    special_points = unpacked(
+        arrays, metadata["special_points"], output_names=fields["output_names"], periods=fields["periods"]
+    )
     return Branch(
         **columns,
         **fields,
         parameters=metadata["parameters"],
         end=End[metadata["end"]],
-        special_points=tuple(points),
+        special_points=special_points,
     )
-
-
-def _special_metadata(point: SpecialPoint) -> dict[str, Any]:
-    return {
-        "kind": point.kind.name,
-        "value": point.value,
-        "bracket": list(point.bracket),
-        "index": point.index,
-        "refined": point.refined,
-        "parameters": dict(point.solution.parameters),
-        "statistics": dict(point.solution.statistics),
-        "multiplier": None if point.multiplier is None else [point.multiplier.real, point.multiplier.imag],
-        "sensitivity": dict(point.sensitivity),
-    }

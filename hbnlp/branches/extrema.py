@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import Branch, SpecialPoint
+from hbnlp.branches.branch import Branch
+from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.continuation.curve import TINY
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import Kind, Status
-from hbnlp.solutions.solution import Solution, make_solution
-from hbnlp.solutions.solving import Ipopt
+from hbnlp.solutions.ipopt import Ipopt, minimise
+from hbnlp.solutions.solution import Solution, attached, make_solution
 
 
 def locate_peak(
@@ -45,49 +46,29 @@ def locate_peak(
         If IPOPT finds no maximum there.
     """
     values = problem.values(near.parameters)
-    position = problem.system.parameters.index(name)
-    x0 = problem.vector(near.coefficients)
-    free = ca.MX.sym("free")
-    symbols = ca.vertcat(*(free if i == position else problem.p[i] for i in range(values.size)))
     squared = problem.amplitude_squared(output, harmonic)
-    size = max(float(np.abs(near.harmonics(output)[harmonic])), np.finfo(float).tiny)
-    terms = max(problem.assembly.term_size(x0, values), np.finfo(float).tiny)
-    amplitude = ca.substitute(squared, problem.p, symbols)
-    program = {
-        "x": ca.vertcat(problem.x, free),
-        "p": problem.p,
-        "f": -amplitude / size**2,
-        "g": ca.substitute(problem.g, problem.p, symbols) / terms,
-    }
-    low, high = (-np.inf, np.inf) if bracket is None else sorted(bracket)
-    bounds = np.full(problem.size, np.inf)
-    solver = ca.nlpsol("peak", "ipopt", program, (method or Ipopt()).options())
-    answer = solver(
-        x0=np.append(x0, values[position]),
-        p=values,
-        lbx=np.append(-bounds, low),
-        ubx=np.append(bounds, high),
-        lbg=0.0,
-        ubg=0.0,
+    size = max(float(np.abs(near.harmonics(output)[harmonic])), TINY)
+    found = minimise(
+        problem,
+        -squared / size**2,
+        problem.vector(near.coefficients),
+        values,
+        free=[name],
+        method=method or Ipopt(),
+        bounds=None if bracket is None else [(min(bracket), max(bracket))],
     )
-    y = answer["x"].full().ravel()
-    statistics = solver.stats()
-    values[position] = y[-1]
-    record: dict[str, float | str] = {"method": "Ipopt", "iterations": int(statistics["iter_count"])}
-    if not statistics["success"]:
-        failed = make_solution(problem, y[:-1], values, status=Status.NOT_CONVERGED, statistics=record)
+    value = float(found.values[problem.system.parameters.index(name)])
+    status = Status.CONVERGED if found.success else Status.NOT_CONVERGED
+    statistics: dict[str, float | str] = {"method": "Ipopt", "iterations": found.iterations}
+    solution = make_solution(problem, found.x, found.values, status=status, statistics=statistics)
+    if not found.success:
         raise ConvergenceError(
-            f"no peak of {output!r} found near {name} = {near.parameters[name]:g} ({statistics['return_status']}): "
+            f"no peak of {output!r} found near {name} = {near.parameters[name]:g} ({found.status}): "
             "start from the largest point of a traced branch",
-            failed,
+            solution,
         )
     return SpecialPoint(
-        kind=Kind.PEAK,
-        value=float(y[-1]),
-        bracket=bracket or (float(y[-1]), float(y[-1])),
-        index=index,
-        refined=True,
-        solution=make_solution(problem, y[:-1], values, statistics=record),
+        kind=Kind.PEAK, value=value, bracket=bracket or (value, value), index=index, refined=True, solution=solution
     )
 
 
@@ -122,9 +103,7 @@ def peaks(
     ConvergenceError
         If IPOPT does not find one of the maxima.
     """
-    problem = problem or branch.problem
-    if problem is None:
-        raise ValueError("this branch was loaded from a file; pass the problem that it was traced with, problem=...")
+    problem = problem or attached(branch, "pass the problem that it was traced with, problem=...")
     if not 1 <= harmonic <= branch.n_harmonics:
         raise ValueError(f"harmonic = {harmonic}; 1 to {branch.n_harmonics} are retained")
     amplitude = np.abs(branch.harmonics(output)[:, harmonic])

@@ -2,43 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import Branch, SpecialPoint
-from hbnlp.continuation.arclength import Point
+from hbnlp.branches.branch import Branch
+from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import End
+from hbnlp.solutions.equations import Equations
 from hbnlp.stability.multipliers import FloquetResult
 
 
 @dataclass(frozen=True, kw_only=True)
 class Traced:
-    """One point of a trace: the point of the curve, its stability, and what lies between it and the point before."""
+    """One point of a trace: the point and its equations, its stability, and what lies between it and the one before."""
 
     point: Point
+    curve: Equations
     floquet: FloquetResult | None
     special_points: tuple[SpecialPoint, ...]
-    n_samples: int
 
 
 def make_branch(
     records: Sequence[Traced],
-    problem: HarmonicBalance,
-    name: str,
+    curve: Equations,
     span: tuple[float, float],
-    parameters: Mapping[str, float],
     *,
     end: End,
     message: str,
     refused: int,
     resumed: Branch | None,
 ) -> Branch:
-    """Return the branch of all records, those of ``resumed`` first."""
-    columns = _columns(records, problem, parameters, name)
+    """Return the branch of all records, those of ``resumed`` first; ``curve`` has what all of them share."""
+    problem, name = curve.problem, curve.name
+    columns = _columns(records, curve)
     points = tuple(special for record in records for special in record.special_points)
     if resumed is not None and not records:
         columns, points, refused = (
@@ -61,7 +61,7 @@ def make_branch(
         special_points=points,
         end=end,
         message=message,
-        parameters={key: value for key, value in parameters.items() if key != name},
+        parameters={key: value for key, value in curve.fixed_parameters().items() if key != name},
         parameter_names=problem.system.parameters.names,
         system_name=problem.system.name,
         output_names=problem.system.output_names,
@@ -71,20 +71,19 @@ def make_branch(
     )
 
 
-def _columns(
-    records: Sequence[Traced], problem: HarmonicBalance, parameters: Mapping[str, float], name: str
-) -> dict[str, Any]:
-    unknowns = np.array([record.point.y[:-1] for record in records]).reshape(-1, problem.size)
-    parameter = np.array([record.point.parameter for record in records])
-    values = np.tile(np.array(list(parameters.values())), (len(records), 1))
-    values[:, problem.system.parameters.index(name)] = parameter
+def _columns(records: Sequence[Traced], curve: Equations) -> dict[str, Any]:
+    problem = curve.problem
+    coefficients = np.array([record.curve.coefficients(record.point.y) for record in records])
+    coefficients = coefficients.reshape(-1, *problem.shape)
+    values = np.array([record.curve.values(record.point.y) for record in records])
     n_outputs = len(problem.system.output_names)
     empty = np.zeros((0, n_outputs, problem.n_harmonics + 1), dtype=complex)
+    unknowns = coefficients.reshape(-1, problem.size)
     results = [record.floquet for record in records if record.floquet is not None]
     complete = bool(results) and len(results) == len(records)
     return {
-        "parameter": parameter,
-        "coefficients": unknowns.reshape(-1, *problem.shape),
+        "parameter": np.array([record.point.parameter for record in records]),
+        "coefficients": coefficients,
         "amplitudes": problem.output_harmonics(unknowns, values) if len(records) else empty,
         "multipliers": np.array([r.multipliers for r in results]) if complete else None,
         "stable": np.array([r.stable for r in results]) if complete else None,
@@ -93,5 +92,5 @@ def _columns(
         "arclength": np.array([record.point.arclength for record in records]),
         "residual": np.array([record.point.residual for record in records]),
         "iterations": np.array([record.point.iterations for record in records], dtype=int),
-        "n_samples": np.array([record.n_samples for record in records], dtype=int),
+        "n_samples": np.array([record.curve.problem.n_samples for record in records], dtype=int),
     }

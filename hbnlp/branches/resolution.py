@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,22 +12,18 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.continuation.newton import Newton, correct
-from hbnlp.core.callbacks import Callbacks, Observers, StopTracing, ended_by
-from hbnlp.core.checks import real_number, unknown_name, whole_number
-from hbnlp.core.errors import TaskError
-from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.callbacks import Callbacks
+from hbnlp.core.checks import position, real_number, whole_number
 from hbnlp.core.kinds import Status
-from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.records import Layout, load_record, save_record
+from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
-from hbnlp.solutions.equations import ParameterCurve
-from hbnlp.solutions.solution import Solution, make_solution
-from hbnlp.solutions.solving import samples_suffice
-from hbnlp.solutions.truncation import Estimate, resized
+from hbnlp.solutions.equations import Equations, along_parameter
+from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.truncation import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,9 +76,7 @@ class ResolvedBranch:
 
     def harmonics(self, output: str) -> ComplexArray:
         """Return the complex amplitudes (n_points, H + 1) of a named output, zero beyond those of a point."""
-        if output not in self.output_names:
-            raise KeyError(unknown_name("output", output, self.output_names))
-        return self.amplitudes[:, self.output_names.index(output)]
+        return self.amplitudes[:, position("output", output, self.output_names)]
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution with its own number of harmonics."""
@@ -107,16 +100,12 @@ class ResolvedBranch:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it to one ``.npz`` file without pickle, whole or not at all."""
-        metadata = {name: getattr(self, name) for name in _METADATA}
-        arrays = {name: getattr(self, name) for name in _COLUMNS}
-        save_arrays(path, _KIND, arrays, {**metadata, "parameters": dict(self.parameters)})
+        save_record(self, path, _LAYOUT)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ResolvedBranch:
         """Return what `save` wrote; its solutions have no problem."""
-        arrays, metadata = load_arrays(path, _KIND)
-        content: dict[str, Any] = {**{key: arrays[key] for key in _COLUMNS}, **metadata}
-        return cls(**{**content, "output_names": tuple(metadata["output_names"])})
+        return cls(**load_record(path, _LAYOUT))
 
     def __repr__(self) -> str:
         extent = f" with {self.n_harmonics.min()} to {self.n_harmonics.max()} harmonics" if len(self) else ""
@@ -128,9 +117,11 @@ class ResolvedBranch:
         )
 
 
-_COLUMNS = ("parameter", "n_harmonics", "truncation_error", "coefficients", "amplitudes")
-_METADATA = ("name", "output_names", "periods", "tolerance", "message")
-_KIND = "resolved branch"
+_LAYOUT = Layout(
+    kind="resolved branch",
+    arrays=("parameter", "n_harmonics", "truncation_error", "coefficients", "amplitudes"),
+    metadata=("name", "output_names", "periods", "tolerance", "message", "parameters"),
+)
 
 
 def resolve_harmonics(
@@ -171,35 +162,24 @@ def resolve_harmonics(
         raise ValueError(f"tolerance = {tolerance!r}; a relative error below 1 is needed")
     whole_number("least", least, least=1)
     whole_number("at_most", at_most, least=least)
-    problem = branch.problem
-    if problem is None:
-        raise ValueError("a branch from a file has no problem to be solved again with; trace it again from there")
+    problem = attached(branch)
     if len(branch) < 2:
         raise ValueError("the branch has a single point, and so no direction; trace two points or more")
     resolver = _Resolver(branch, problem, float(tolerance), at_most, method or Newton())
     rows: list[_Row] = []
 
-    def result(message: str = "under way") -> ResolvedBranch:
+    def work() -> Iterator[Report]:
+        for i in range(len(branch)):
+            rows.append(resolver.point(i, max(least, rows[-1].n_harmonics - 1) if rows else least))
+            counts = {"points": len(rows), "harmonics": rows[-1].n_harmonics}
+            yield Report(rows[-1].parameter, len(rows) / len(branch), counts)
+
+    def result(ending: Ending) -> ResolvedBranch:
+        whole = f"all {len(branch)} points of the branch"
+        message = whole if ending is COMPLETE else ending.after(f"{len(rows)} of {len(branch)} points")
         return _resolved(rows, branch, problem, float(tolerance), message)
 
-    observers = Observers(callbacks, f"resolving along {branch.name}", branch.name)
-    ending = f"all {len(branch)} points of the branch"
-    try:
-        for i in range(len(branch)):
-            with interrupts_kept():
-                rows.append(resolver.point(i, max(least, rows[-1].n_harmonics - 1) if rows else least))
-            counts = {"points": len(rows), "harmonics": rows[-1].n_harmonics}
-            observers.tell(rows[-1].parameter, len(rows) / len(branch), counts, result)
-    except (KeyboardInterrupt, StopTracing) as stop:
-        ending = f"{ended_by(stop)} after {len(rows)} of {len(branch)} points"
-        logger.warning("the choice of harmonics was %s", ending)
-    except Exception as error:
-        resolved = result(f"{type(error).__name__} after {len(rows)} of {len(branch)} points: {error}")
-        observers.finish(resolved)
-        raise TaskError(f"resolving along {branch.name}", resolved, error) from error
-    resolved = result(ending)
-    observers.finish(resolved)
-    return resolved
+    return drive(f"resolving along {branch.name}", work(), result, name=branch.name, callbacks=callbacks)
 
 
 class _Row(NamedTuple):
@@ -217,39 +197,40 @@ class _Resolver:
     def __init__(
         self, branch: Branch, problem: HarmonicBalance, tolerance: float, at_most: int, method: Newton
     ) -> None:
-        self._branch, self._problem = branch, problem
-        self._tolerance, self._at_most, self._method = tolerance, at_most, method
-        self._problems = {branch.n_harmonics: problem}
+        self._branch, self._tolerance, self._at_most, self._method = branch, tolerance, at_most, method
         # a branch may begin at rest, where nothing can be measured relative to the solution
-        self._floor = 1e-3 * float(np.linalg.norm(branch.coefficients, axis=(1, 2)).max()) or 1.0
-        self._points = np.column_stack([branch.coefficients.reshape(len(branch), -1), branch.parameter])
+        floor = 1e-3 * float(np.linalg.norm(branch.coefficients, axis=(1, 2)).max()) or 1.0
+        values = problem.values(branch.values(0))
+        self._curve = along_parameter(problem, values, branch.name, span=branch.span, floor=floor)
+        self._curves = {problem.n_harmonics: self._curve}
+        self._points = [self._curve.point(branch.coefficients[i], branch.parameter[i]) for i in range(len(branch))]
 
     def point(self, i: int, n_harmonics: int) -> _Row:
         """Return a point with no less than the given number of harmonics."""
-        branch, points = self._branch, self._points
-        tangent = points[min(i + 1, len(branch) - 1)] - points[max(i - 1, 0)]
-        values = self._problem.values(branch.values(i))
+        points = self._points
+        tangent = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
         while True:
-            if n_harmonics not in self._problems:
-                self._problems[n_harmonics] = self._problem.with_harmonics(n_harmonics)
-            problem = self._problems[n_harmonics]
-            curve = ParameterCurve(problem, values, branch.name, 0.01 * abs(branch.span[1] - branch.span[0]))
-            curve.solution_floor = self._floor
-            guess, along = (resized(v, self._problem, problem) for v in (points[i], tangent))
+            curve = self._with_harmonics(n_harmonics)
+            guess, along = (self._curve.resized(v, curve) for v in (points[i], tangent))
             row = along / curve.scale(guess) ** 2
             found = correct(curve, guess, row / np.linalg.norm(row), self._method)
-            if found.converged and not samples_suffice(problem, found.y[:-1], curve.values(found.y)):
-                self._problems[n_harmonics] = problem.oversampled()
+            finer = curve.resampled(found.y) if found.converged else None
+            if finer is not None:
+                self._curves[n_harmonics] = finer
             elif found.converged:
-                estimate = Estimate(problem, curve, found.y, row)
+                estimate = Estimate(curve, found.y, row)
                 if estimate.error <= self._tolerance or n_harmonics >= self._at_most:
-                    solution = make_solution(problem, found.y[:-1], curve.values(found.y))
-                    return _Row(float(found.y[-1]), n_harmonics, estimate.error, solution)
+                    return _Row(float(found.y[-1]), n_harmonics, estimate.error, curve.solution(found.y))
                 n_harmonics = min(self._at_most, estimate.harmonics_for(self._tolerance))
             elif n_harmonics >= self._at_most:
-                return _Row(float(branch.parameter[i]), n_harmonics, float("nan"), None)
+                return _Row(float(points[i][-1]), n_harmonics, float("nan"), None)
             else:
                 n_harmonics += 1
+
+    def _with_harmonics(self, n_harmonics: int) -> Equations:
+        if n_harmonics not in self._curves:
+            self._curves[n_harmonics] = self._curve.on(self._curve.problem.with_harmonics(n_harmonics))
+        return self._curves[n_harmonics]
 
 
 def _resolved(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import SpecialPoint
+from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.continuation.curve import null_vector
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.kinds import Kind
 from hbnlp.core.types import Array
-from hbnlp.solutions.equations import ParameterCurve
-from hbnlp.solutions.solution import Solution, make_solution
+from hbnlp.fourier import stretch
+from hbnlp.solutions.equations import along_parameter
+from hbnlp.solutions.solution import Solution
 
 
 def switch_branch(
@@ -45,37 +47,31 @@ def switch_branch(
         raise ValueError(f"step = {step!r}; a length between 0 and 1 is needed")
     values = problem.values(special.solution.parameters)
     if special.kind is Kind.BRANCH_POINT and special.null is not None:
-        origin, direction = special.solution.coefficients.ravel(), special.null.ravel()
+        origin, direction = special.solution.coefficients, special.null
     elif special.kind is Kind.PERIOD_DOUBLING:
         problem, origin, direction = _doubled(problem, special, values)
     else:
         raise ValueError(f"no branch crosses at a {special.kind.value}; a branch point or a period doubling is needed")
-    index = problem.system.parameters.index(name)
-    curve = ParameterCurve(problem, values, name, abs(values[index]))
-    base = np.append(origin, values[index])
+    curve = along_parameter(problem, values, name)
+    base = curve.point(origin, values[problem.system.parameters.index(name)])
     scale = curve.scale(base)
-    tangent = np.append(direction, 0.0)
+    tangent = curve.point(direction, 0.0)
     tangent /= np.linalg.norm(tangent / scale)
     starts = []
     for sign in (1.0, -1.0):
         found = correct(curve, base + sign * step * tangent, tangent / scale**2, Newton())
         if found.converged:
-            starts.append(make_solution(problem, found.y[:-1], curve.values(found.y), statistics={"start": "switched"}))
+            starts.append(curve.solution(found.y, start="switched"))
     return tuple(starts)
 
 
 def _doubled(problem: HarmonicBalance, special: SpecialPoint, values: Array) -> tuple[HarmonicBalance, Array, Array]:
     """Return the balance over twice the period, the solution in it, and the null vector that appears there."""
     doubled = HarmonicBalance(problem.system, 2 * problem.n_harmonics, periods=2 * problem.periods)
-    coefficients = np.zeros(doubled.shape)
-    old = special.solution.coefficients
-    coefficients[:, 0] = old[:, 0]
-    # harmonic h of the old period is harmonic 2 h of the doubled one
-    coefficients[:, 3::4], coefficients[:, 4::4] = old[:, 1::2], old[:, 2::2]
-    x = coefficients.ravel()
+    coefficients = stretch(special.solution.coefficients, 2)
     # the critical mode consists of odd harmonics, on which the solution itself has no part
     odd = (np.arange(doubled.shape[1]) + 1) // 2 % 2 == 1
     keep = np.tile(odd, doubled.shape[0])
     null = np.zeros(doubled.size)
-    null[keep] = np.linalg.svd(doubled.assembly.jacobian(x, values)[np.ix_(keep, keep)])[2][-1]
-    return doubled, x, null
+    null[keep] = null_vector(doubled.assembly.jacobian(coefficients.ravel(), values)[np.ix_(keep, keep)])
+    return doubled, coefficients, null.reshape(doubled.shape)

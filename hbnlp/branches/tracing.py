@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,10 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.tracer import DEFAULT_STABILITY, Tracer
 from hbnlp.continuation.arclength import PseudoArclength
-from hbnlp.core.callbacks import Callbacks, Observers, StopTracing
+from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import list_of_callables
-from hbnlp.core.errors import TaskError
 from hbnlp.core.kinds import End
+from hbnlp.core.tasks import INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.solutions.solution import Solution
 from hbnlp.stability.multipliers import Floquet
 
@@ -95,24 +95,19 @@ def trace(
         method=method,
         resume=resume,
     )
-    observers, reached = Observers(callbacks, f"tracing {name}", name), _Reached(tracer.span)
-    end: End | None = None
-    try:
+    reached = _Reached(tracer.span)
+
+    def work() -> Iterator[Report]:
         for traced in tracer:
             value = traced.point.parameter
-            counts = {"points": tracer.n_points, "folds": tracer.n_folds}
-            observers.tell(value, reached.at(value), counts, tracer.branch)
-    except KeyboardInterrupt:
-        end = End.INTERRUPTED
-        logger.warning("interrupted after %d points; the branch keeps them and can be resumed", tracer.n_points)
-    except StopTracing:
-        end = End.STOPPED
-    except Exception as error:
-        branch = tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
-        observers.finish(branch)
-        raise TaskError(f"tracing {name}", branch, error) from error
-    branch = tracer.branch(end)
-    observers.finish(branch)
+            yield Report(value, reached.at(value), {"points": tracer.n_points, "folds": tracer.n_folds})
+
+    def result(ending: Ending) -> Branch:
+        if ending.error is not None:
+            return tracer.branch(End.ERROR, str(ending))
+        return tracer.branch({INTERRUPTED: End.INTERRUPTED, STOPPED: End.STOPPED}.get(ending))
+
+    branch = drive(f"tracing {name}", work(), result, name=name, callbacks=callbacks)
     if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.MAX_POINTS):
         logger.warning("the trace ended at %s = %.8g: %s", name, branch.parameter[-1], branch.message)
     return branch

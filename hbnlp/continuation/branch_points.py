@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from hbnlp.continuation.newton import Bordered, Curve
+from hbnlp.continuation.curve import Bordered, Curve, relative_residual
 from hbnlp.core.types import Array
 
 STRAYS = 0.05
@@ -117,7 +117,7 @@ def branch_point_on(
         if not float(np.linalg.norm((y - start) / scale)) <= STRAYS * arc.length:
             return None
         if size <= tol:
-            residual = float(np.max(np.abs(curve.residual(y)))) / max(curve.term_size(y), np.finfo(float).tiny)
+            residual = relative_residual(curve, y)
             null = phi[:, 1] / np.linalg.norm(phi[:, 1] / scale)
             return BranchPoint(y=y, null=null, residual=residual) if residual <= CROSSES else None
     return None

@@ -13,72 +13,16 @@ factorisation, that of its tangent.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-from scipy.linalg import lapack
 
+from hbnlp.continuation.curve import Bordered, Curve, relative_residual
 from hbnlp.core.types import Array
 
 LARGEST_RESIDUAL = 1e-6
 """Steps may cease without a solution, far away or where the Jacobian is singular: the terms must balance to this."""
 SLOW = 0.2
 """A larger ratio of successive steps calls for a new Jacobian."""
-
-
-class Curve(Protocol):
-    """Equations R(y) = 0, ``size`` of them, in y of one entry more; the last entry is the continuation parameter."""
-
-    size: int
-
-    def residual(self, y: Array) -> Array:
-        """Return R(y), (size,)."""
-        ...
-
-    def jacobian(self, y: Array, out: Array) -> None:
-        """Write dR/dy into an array (size, size + 1) of zeros."""
-        ...
-
-    def scale(self, y: Array) -> Array:
-        """Return the sizes (size + 1,) by which changes of y are measured."""
-        ...
-
-    def term_size(self, y: Array) -> float:
-        """Return the size of the terms whose sum is R."""
-        ...
-
-
-class Bordered:
-    """LU factors of a square matrix [jacobian; row]; what is given is overwritten."""
-
-    def __init__(self, matrix: Array) -> None:
-        # LAPACK sees the transpose of an array stored by rows; the solves below undo that without a copy
-        self._lu, self._pivots, info = lapack.dgetrf(matrix.T, overwrite_a=True)
-        self.singular = bool(info > 0) or not np.isfinite(self._lu[-1, -1])
-
-    @classmethod
-    def at(cls, curve: Curve, y: Array, row: Array) -> Bordered:
-        """Return the factors of [dR/dy; row] at a point of a curve."""
-        matrix = np.zeros((y.size, y.size))
-        curve.jacobian(y, matrix[:-1])
-        matrix[-1] = row
-        return cls(matrix)
-
-    def solve(self, right: Array) -> Array:
-        """Return the solution for the right side (size,) or (size, k)."""
-        return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0])
-
-    def solve_transposed(self, right: Array) -> Array:
-        """Return the solution of the transposed system."""
-        return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0])
-
-    def determinant(self) -> tuple[float, float]:
-        """Return sign and logarithm of the modulus of the determinant."""
-        diagonal = self._lu.diagonal()
-        swaps = np.count_nonzero(self._pivots != np.arange(self._pivots.size))
-        negative = np.count_nonzero(diagonal < 0.0) + swaps
-        with np.errstate(divide="ignore"):
-            return (-1.0 if negative % 2 else 1.0), float(np.log(np.abs(diagonal)).sum())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,8 +107,7 @@ def correct(
             error = size * rate / (1.0 - rate) if rate < 1.0 else np.inf
         if min(error, size) <= options.tol:
             # where the terms themselves vanish, at rest, they are measured by those of the guess
-            terms = max(curve.term_size(y), curve.term_size(guess), float(np.finfo(float).tiny))
-            residual = float(np.max(np.abs(curve.residual(y)), initial=0.0)) / terms
+            residual = relative_residual(curve, y, least=curve.term_size(guess))
             if not residual <= LARGEST_RESIDUAL:
                 reason = f"the steps cease where the residual is {residual:.1e} of its terms"
                 return _failed(y, iteration, factorisations, error, reason)

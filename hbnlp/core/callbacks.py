@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import os
 import time
@@ -52,48 +51,6 @@ class Progress:
 
 
 Callbacks = Sequence[Callable[[Progress], None]]
-
-
-class Observers:
-    """The callbacks of one task.
-
-    Parameters
-    ----------
-    callbacks : sequence of callables
-    task, name : str
-        As in `Progress`.
-    """
-
-    def __init__(self, callbacks: Callbacks, task: str, name: str) -> None:
-        self._callbacks = callbacks
-        self._last = Progress(
-            task=task, name=name, value=float("nan"), fraction=0.0, counts={}, done=False, result=lambda: None
-        )
-
-    def tell(self, value: float, fraction: float, counts: Mapping[str, int], result: Callable[[], Any]) -> None:
-        """Call all callbacks; what one of them raises, StopTracing above all, ends the task."""
-        if self._callbacks:
-            self._last = dataclasses.replace(
-                self._last, value=float(value), fraction=fraction, counts=counts, result=result
-            )
-            for callback in self._callbacks:
-                callback(self._last)
-
-    def finish(self, result: Any) -> None:
-        """Call all callbacks for the last time; the task has ended, and what they raise is logged."""
-        last = dataclasses.replace(self._last, done=True, result=lambda: result)
-        for callback in self._callbacks:
-            try:
-                callback(last)
-            except StopTracing:
-                continue
-            except Exception:
-                logger.exception("a callback failed after the end of %s", last.task)
-
-
-def ended_by(stop: BaseException) -> str:
-    """Return the word for what ended a task: Ctrl-C or a callback."""
-    return "stopped by a callback" if isinstance(stop, StopTracing) else "interrupted"
 
 
 class ProgressBar:

@@ -81,3 +81,10 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     near = difflib.get_close_matches(name, known, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     return f"unknown {kind} {name!r}{hint} (known: {', '.join(known) or 'none'})"
+
+
+def position(kind: str, name: str, known: Sequence[str]) -> int:
+    """Return where a name stands among the known ones, or raise a KeyError with the nearest of them."""
+    if name not in known:
+        raise KeyError(unknown_name(kind, name, known))
+    return known.index(name)

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.types import Array
-from hbnlp.design.programs import Optimum, Program, Variables, response_at
-from hbnlp.solutions.solution import Solution
+from hbnlp.design.program import Optimum, Program
+from hbnlp.design.responses import response_at
+from hbnlp.design.variables import Variables
+from hbnlp.solutions.solution import Solution, attached
 
 INDISTINCT = 1e8
 """A larger condition number of the scaled Jacobian means that the measurements do not determine the variables."""
@@ -142,6 +144,6 @@ class Identification:
 
     def _row(self, solution: Solution) -> tuple[float, Array]:
         """Return the amplitude of a fitted response, and its derivatives by the variables."""
-        values = np.array(list(solution.parameters.values()))
+        values = attached(solution).values(solution.parameters)
         amplitude, a_x, a_p, r_x, r_p = (e.full() for e in self._slopes(solution.coefficients.ravel(), values))
         return float(amplitude[0, 0]), (a_p[0] - np.linalg.solve(r_x.T, a_x[0]) @ r_p)[self._chosen]

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import position
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
 
@@ -69,9 +69,7 @@ class TimeResponse:
 
     def signal(self, output: str) -> Array:
         """Return a named output at the times ``t``, (n_t,)."""
-        if output not in self.output_names:
-            raise KeyError(unknown_name("output", output, self.output_names))
-        return self.signals[:, self.output_names.index(output)]
+        return self.signals[:, position("output", output, self.output_names)]
 
     def harmonics(self, output: str, n_harmonics: int = 5) -> ComplexArray:
         """Return the complex amplitudes of a named output, (n_harmonics + 1,): a_0 and a_{2h-1} - i a_{2h}.

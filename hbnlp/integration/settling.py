@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.callbacks import Callbacks, Observers, StopTracing
+from hbnlp.core.callbacks import Callbacks, StopTracing
 from hbnlp.core.checks import instance_of, list_of_callables, real_number, whole_number
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.tasks import Observers, Report
 from hbnlp.core.types import Array
 from hbnlp.fourier import to_complex
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
@@ -201,7 +202,7 @@ def settle(
         if observers is not None:
             n_periods = len(defects) * periods
             try:
-                observers.tell(defects[-1], n_periods / max_periods, {"periods": n_periods}, result)
+                observers.tell(Report(defects[-1], n_periods / max_periods, {"periods": n_periods}), result)
             except StopTracing:
                 break
         if defects[-1] <= periodic_tol:

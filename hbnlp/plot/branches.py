@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from hbnlp.branches.branch import Branch
     from hbnlp.branches.fold_curves import FoldBranch
     from hbnlp.branches.resolution import ResolvedBranch
-    from hbnlp.sweeps.by_newton import Sweep
-    from hbnlp.sweeps.time_records import TimeSweep
+    from hbnlp.sweeps.records import Sweep, TimeSweep
 
 STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
 UNKNOWN: dict[str, Any] = {"linestyle": "-", "linewidth": 1.2}

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
+from hbnlp.continuation.curve import relative_residual
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.types import Array
-from hbnlp.solutions.equations import ParameterCurve
-from hbnlp.solutions.solution import Solution, make_solution
+from hbnlp.solutions.equations import Equations
+from hbnlp.solutions.solution import Solution
 
 NEWTON = Newton(tol=1e-12)
 
 
-def solution_between(curve: ParameterCurve, before: Array, after: Array, value: float) -> Solution:
+def solution_between(curve: Equations, before: Array, after: Array, value: float) -> Solution:
     """Return the solution where a curve passes a parameter value between two of its points.
 
     The points are cut by planes normal to their chord, and the plane is sought whose point has the value: each of these
@@ -22,7 +23,7 @@ def solution_between(curve: ParameterCurve, before: Array, after: Array, value: 
 
     Parameters
     ----------
-    curve : ParameterCurve
+    curve : Equations
     before, after : array (size + 1,)
         Neighbouring points, the value between their parameters, no fold between them.
     value : float
@@ -42,17 +43,16 @@ def solution_between(curve: ParameterCurve, before: Array, after: Array, value: 
             near = min(points, key=lambda known: abs(known - share))
             found = correct(curve, points[near] + (share - near) * chord, row, NEWTON)
             if not found.converged:
-                result = make_solution(curve.problem, found.y[:-1], curve.values(found.y))
                 raise ConvergenceError(
                     f"the branch could not be followed between its points at {curve.name} = {before[-1]:.8g} and "
                     f"{after[-1]:.8g} ({found.reason}): trace it in smaller steps, PseudoArclength(angle=...)",
-                    result,
+                    curve.solution(found.y),
                 )
             points[share] = found.y
         return float(points[share][-1] - value)
 
     share = float(brentq(beyond, 0.0, 1.0, xtol=1e-14, rtol=8.9e-16))
     beyond(share)
-    y = np.append(points[share][:-1], value)
-    residual = float(np.max(np.abs(curve.residual(y)))) / max(curve.term_size(y), float(np.finfo(float).tiny))
-    return make_solution(curve.problem, y[:-1], curve.values(y), statistics={"start": "branch", "residual": residual})
+    y = points[share].copy()
+    y[-1] = value
+    return curve.solution(y, start="branch", residual=relative_residual(curve, y))

@@ -1,88 +1,174 @@
-"""The curves that are traced: solutions against a parameter, and against the size of the load."""
+"""The curves of periodic solutions: the balance with free scalars, and as many conditions as it takes.
+
+All that is traced is ``R(a; p) = 0`` with some scalars free: solutions against a parameter, against the size of the
+load, folds in two parameters. What is varied is the last unknown.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.continuation.curve import TINY
 from hbnlp.core.types import Array
+from hbnlp.fourier import resize
+from hbnlp.solutions.conditions import At, Condition, NullVector
+from hbnlp.solutions.solution import Solution, make_solution
+from hbnlp.solutions.unknowns import Free, Unknowns
 
 
-class ParameterCurve:
-    """Solutions ``y = (x, lambda)`` of a balance against one parameter, the others fixed.
+class Equations:
+    """A `Curve`: a harmonic balance with free scalars, and a condition for all of them but one.
 
     Parameters
     ----------
     problem : HarmonicBalance
     values : array
-        All parameters in order; the entry of the continuation parameter is ignored.
-    name : str
-        The continuation parameter.
+        All parameters in order; those that are free are ignored.
+    free : tuple of Free
+        The last one is continued in.
     floor : float
-        Changes of lambda are measured relative to itself, or to this where it is smaller.
+        Size of the coefficients below which their changes are not measured relative to them.
+    condition : Condition, optional
+        Needed where there are several free scalars.
+
+    Attributes
+    ----------
+    size : int
+        Number of equations, one less than that of the unknowns.
+    unknowns : Unknowns
     """
 
-    def __init__(self, problem: HarmonicBalance, values: Array, name: str, floor: float) -> None:
-        self.problem = problem
-        self.size = problem.size
-        self.name = name
-        self.index = problem.system.parameters.index(name)
-        self.floor = floor
-        self.solution_floor = float(np.finfo(float).tiny)
+    def __init__(
+        self,
+        problem: HarmonicBalance,
+        values: Array,
+        free: tuple[Free, ...],
+        *,
+        floor: float = TINY,
+        condition: Condition | None = None,
+    ) -> None:
+        self.problem, self.condition = problem, condition
+        n_added = condition.n_added(problem.size) if condition is not None else 0
+        n_rows = condition.n_rows(problem.size) if condition is not None else 0
+        self.unknowns = Unknowns(problem.size, n_added, free, floor)
+        self.size = problem.size + n_rows
+        if self.unknowns.size != self.size + 1:
+            raise ValueError(f"{self.unknowns.size} unknowns and {self.size} equations; one unknown more is needed")
+        index = problem.system.parameters.index
+        self._indices = tuple(None if scalar.name is None else index(scalar.name) for scalar in free)
         self._values = values.copy()
+
+    def on(self, problem: HarmonicBalance) -> Equations:
+        """Return the same equations of another balance of the system: with more samples, or other harmonics."""
+        return Equations(problem, self._values, self.unknowns.free, floor=self.unknowns.floor, condition=self.condition)
+
+    def resampled(self, y: Array) -> Equations | None:
+        """Return the same equations with twice the samples of the force where these do not suffice at a point."""
+        suffice = self.problem.samples_suffice(self.unknowns.coefficients(y), self.values(y))
+        return None if suffice else self.on(self.problem.oversampled())
+
+    # -- the parts of a point ---------------------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """The parameter that is continued in."""
+        return self.unknowns.free[-1].name or "load"
 
     def values(self, y: Array) -> Array:
         """Return all parameters at a point."""
         values = self._values.copy()
-        values[self.index] = y[-1]
+        for index, value in zip(self._indices, self.unknowns.scalars(y), strict=True):
+            if index is not None:
+                values[index] = value
         return values
 
-    def residual(self, y: Array) -> Array:
-        """Return R(y), (size,)."""
-        return self.problem.assembly.residual(y[:-1], self.values(y))
+    def fixed_parameters(self) -> dict[str, float]:
+        """Return all parameters by name; the values of those that are free mean nothing."""
+        return self.problem.system.parameters.as_dict(self._values)
 
-    def jacobian(self, y: Array, out: Array) -> None:
-        """Write dR/dy into an array (size, size + 1) of zeros."""
-        assembly, values = self.problem.assembly, self.values(y)
-        assembly.jacobian(y[:-1], values, out[:, :-1])
-        out[:, -1] = assembly.parameter_derivative(y[:-1], values, self.index)
+    def coefficients(self, y: Array) -> Array:
+        """Return the coefficients (n_dof, 2H+1) at a point."""
+        return self.unknowns.coefficients(y).reshape(self.problem.shape)
 
-    def scale(self, y: Array) -> Array:
-        """Return the sizes (size + 1,) by which changes of y are measured."""
-        scale = np.full(y.size, max(float(np.linalg.norm(y[:-1])), self.solution_floor))
-        scale[-1] = max(abs(y[-1]), self.floor)
-        return scale
+    def solution(self, y: Array, **statistics: float | str) -> Solution:
+        """Return a point as a record, with what is to be said of how it was found."""
+        return make_solution(self.problem, self.unknowns.coefficients(y), self.values(y), statistics=statistics)
 
-    def term_size(self, y: Array) -> float:
-        """Return the size of the terms whose sum is R."""
-        return self.problem.assembly.term_size(y[:-1], self.values(y))
+    def point(self, coefficients: ArrayLike, last: float) -> Array:
+        """Return the unknowns of a solution, coefficients of any number of harmonics, at a value of the free scalar."""
+        return self.unknowns.joined(self.problem.vector(coefficients), [last])
 
+    def resized(self, y: Array, other: Equations) -> Array:
+        """Return a point, or a direction, with the harmonics of other equations: zeros added, or the highest cut."""
+        x = resize(self.coefficients(y), other.problem.n_harmonics).ravel()
+        return other.unknowns.joined(x, self.unknowns.scalars(y))
 
-class LoadCurve:
-    """Solutions ``y = (x, load)`` at fixed parameters, the excitation times ``load``: the way from rest to 1."""
-
-    def __init__(self, problem: HarmonicBalance, values: Array) -> None:
-        self.problem = problem
-        self.size = problem.size
-        self.solution_floor = float(np.finfo(float).tiny)
-        self._values = values
+    # -- a Curve ----------------------------------------------------------------------------------------------------
 
     def residual(self, y: Array) -> Array:
         """Return R(y), (size,)."""
-        return self.problem.assembly.residual(y[:-1], self._values, load=y[-1])
+        at = self._at(y)
+        balance = at.assembly.residual(at.x, at.values, self._load(y))
+        return balance if self.condition is None else np.concatenate([balance, self.condition.residual(at)])
 
     def jacobian(self, y: Array, out: Array) -> None:
         """Write dR/dy into an array (size, size + 1) of zeros."""
-        assembly = self.problem.assembly
-        assembly.jacobian(y[:-1], self._values, out[:, :-1])
-        out[:, -1] = assembly.load_derivative(self._values)
+        at, n, load = self._at(y), self.problem.size, self._load(y)
+        assembly, x, values = at.assembly, at.x, at.values
+        assembly.jacobian(x, values, out[:n, :n])
+        for column, index in enumerate(self._indices, start=y.size - len(self._indices)):
+            if index is None:
+                out[:n, column] = assembly.load_derivative(values)
+            else:
+                out[:n, column] = assembly.parameter_derivative(x, values, index, load)
+        if self.condition is not None:
+            self.condition.jacobian(at, out[:n, :n], out[n:], self._indices)
 
     def scale(self, y: Array) -> Array:
         """Return the sizes (size + 1,) by which changes of y are measured."""
-        scale = np.full(y.size, max(float(np.linalg.norm(y[:-1])), self.solution_floor))
-        scale[-1] = max(abs(y[-1]), 0.1)
-        return scale
+        return self.unknowns.scale(y)
 
     def term_size(self, y: Array) -> float:
         """Return the size of the terms whose sum is R."""
-        return self.problem.assembly.term_size(y[:-1], self._values)
+        at = self._at(y)
+        size = at.assembly.term_size(at.x, at.values)
+        return size if self.condition is None else max(size, self.condition.term_size(at))
+
+    def _at(self, y: Array) -> At:
+        return At(self.problem.assembly, self.unknowns.coefficients(y), self.values(y), self.unknowns.added(y))
+
+    def _load(self, y: Array) -> float:
+        """Return the factor on the excitation."""
+        if None not in self._indices:
+            return 1.0
+        return float(self.unknowns.scalars(y)[self._indices.index(None)])
+
+
+def along_parameter(
+    problem: HarmonicBalance, values: Array, name: str, *, span: tuple[float, float] | None = None, floor: float = TINY
+) -> Equations:
+    """Return the solutions against a parameter.
+
+    Its changes are measured relative to itself, or to a hundredth of the span where it is smaller; without a span, to
+    the value given.
+    """
+    here = float(values[problem.system.parameters.index(name)])
+    least = 0.01 * abs(span[1] - span[0]) if span is not None else abs(here) or 1.0
+    return Equations(problem, values, (Free(name, least),), floor=floor)
+
+
+def along_load(problem: HarmonicBalance, values: Array, *, floor: float = TINY) -> Equations:
+    """Return the solutions at fixed parameters against a factor on the excitation: the way from rest to 1."""
+    return Equations(problem, values, (Free(None, 0.1),), floor=floor)
+
+
+def along_folds(problem: HarmonicBalance, values: Array, first: str, second: str | None = None) -> Equations:
+    """Return the folds in two parameters, with their null vectors; by default the second is the factor on the load."""
+    index = problem.system.parameters.index
+    names = [first] if second is None else [first, second]
+    free = [Free(name, 1e-3 * max(abs(float(values[index(name)])), TINY)) for name in names]
+    if second is None:
+        free.append(Free(None, 0.1))
+    return Equations(problem, values, tuple(free), condition=NullVector())

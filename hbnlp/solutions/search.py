@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.continuation.arclength import Continuation, PseudoArclength, StopContinuation, start_point
+from hbnlp.continuation.arclength import PseudoArclength
+from hbnlp.continuation.curve import TINY
 from hbnlp.continuation.newton import Newton
-from hbnlp.core.callbacks import Callbacks, Observers, StopTracing, ended_by
+from hbnlp.continuation.point import start_point
+from hbnlp.continuation.walk import Walk
+from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
-from hbnlp.core.errors import ConvergenceError, NonFiniteError, TaskError
-from hbnlp.core.interrupts import guarded
+from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
-from hbnlp.solutions.equations import LoadCurve
+from hbnlp.solutions.attempt import attempt
+from hbnlp.solutions.cold_start import linear_guess
+from hbnlp.solutions.deflation import deflated_newton
+from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.solution import Solution, guess_for
-from hbnlp.solutions.solving import attempt, linear_guess, solve
-
-logger = logging.getLogger(__name__)
+from hbnlp.solutions.solving import solve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,24 +126,12 @@ def find_all(
     options, rng = method or Search(), rng or np.random.default_rng(0)
     values = problem.values(at)
     found: list[Solution] = []
-    observers = Observers(callbacks, "searching", "start")
 
-    def result() -> list[Solution]:
+    def result(_ending: Ending) -> list[Solution]:
         return sorted(found, key=lambda s: float(np.linalg.norm(s.coefficients)))
 
-    try:
-        for start in guarded(_attempts(problem, values, at, found, known, options, rng)):
-            observers.tell(start, start / max(options.n_starts, 1), {"solutions": len(found)}, result)
-    except (KeyboardInterrupt, StopTracing) as stop:
-        logger.warning("the search was %s with %d solutions found", ended_by(stop), len(found))
-    except NonFiniteError:
-        raise
-    except Exception as error:
-        observers.finish(result())
-        raise TaskError("searching", result(), error) from error
-    solutions = result()
-    observers.finish(solutions)
-    return solutions
+    work = _attempts(problem, values, at, found, known, options, rng)
+    return drive("searching", work, result, name="start", callbacks=callbacks)
 
 
 def _attempts(
@@ -151,7 +142,7 @@ def _attempts(
     known: Sequence[Solution],
     options: Search,
     rng: np.random.Generator,
-) -> Iterator[int]:
+) -> Iterator[Report]:
     """Add to what is found: around the known solutions and a cold start, then from one random start after another."""
     for solution in known:
         _add(found, attempt(problem, values, guess_for(problem, solution), options.newton, start="known"), options)
@@ -172,7 +163,7 @@ def _attempts(
                 nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
                 near = vector + nudge / np.sqrt(vector.size)
                 _run(problem, values, near, found, options, "deflation")
-        yield start
+        yield Report(start, start / max(options.n_starts, 1), {"solutions": len(found)})
 
 
 def _run(
@@ -187,24 +178,16 @@ def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, option
     """Return guesses where the curve of solutions against load, both ways from x, meets load 1 again."""
     if options.largest_load <= 1.0:
         return []
-    curve = LoadCurve(problem, values)
-    curve.solution_floor = 1e-6 * float(np.linalg.norm(x)) or 1.0
+    curve = along_load(problem, values, floor=1e-6 * float(np.linalg.norm(x)) or 1.0)
     crossings = []
     for sign in (1.0, -1.0):
-        toward = np.zeros(x.size + 1)
-        toward[-1] = sign
-        try:
-            walk = Continuation(curve, start_point(curve, np.append(x, 1.0), toward), PseudoArclength(max_points=400))
-            for _ in range(walk.options.max_points):
-                before = walk.point
-                after = walk.advance((0.0, options.largest_load))
+        with contextlib.suppress(np.linalg.LinAlgError):
+            start = start_point(curve, curve.unknowns.joined(x, [1.0]), sign * curve.unknowns.fixing_last())
+            walk = Walk(curve, start, PseudoArclength(max_points=400), limits=(0.0, options.largest_load))
+            for before, after in walk:
                 if (before.parameter - 1.0) * (after.parameter - 1.0) < 0.0:
                     share = (1.0 - before.parameter) / (after.parameter - before.parameter)
-                    crossings.append((before.y + share * (after.y - before.y))[:-1])
-                if after.parameter in (0.0, options.largest_load):
-                    break
-        except (StopContinuation, np.linalg.LinAlgError):
-            continue
+                    crossings.append(curve.unknowns.coefficients(before.y + share * (after.y - before.y)))
     return crossings
 
 
@@ -213,7 +196,7 @@ def _add(found: list[Solution], solution: Solution, options: Search) -> None:
         return
     x = solution.coefficients
     for other in found:
-        size = max(float(np.linalg.norm(x)), float(np.linalg.norm(other.coefficients)), float(np.finfo(float).tiny))
+        size = max(float(np.linalg.norm(x)), float(np.linalg.norm(other.coefficients)), TINY)
         if np.linalg.norm(x - other.coefficients) <= options.separation * size:
             return
     found.append(solution)
@@ -224,42 +207,3 @@ def _random(problem: HarmonicBalance, reference: float, options: Search, rng: np
     amplitude = reference * np.exp(rng.uniform(low, high)) / np.sqrt(2.0 * problem.shape[0])
     harmonic = np.maximum((np.arange(problem.shape[1]) + 1) // 2, 1)
     return np.asarray((amplitude / harmonic**2 * rng.standard_normal(problem.shape)).ravel())
-
-
-def deflated_newton(
-    problem: HarmonicBalance, values: Array, start: Array, known: list[Array], max_iterations: int
-) -> Array | None:
-    """Return an approximate solution away from the known ones, or None.
-
-    The residual is multiplied by ``prod (1 + size^2 / |x - x_i|^2)``; by the Sherman-Morrison formula its Newton step
-    is the plain one times a number.
-    """
-    x = start.copy()
-    previous = np.inf
-    for _ in range(max_iterations):
-        residual = problem.assembly.residual(x, values)
-        jacobian = problem.assembly.jacobian(x, values)
-        if not (np.isfinite(residual.sum()) and np.isfinite(jacobian.sum())):
-            return None
-        try:
-            step = -np.linalg.solve(jacobian, residual)
-        except np.linalg.LinAlgError:
-            return None
-        size = float(np.linalg.norm(x))
-        slope = 0.0
-        for other in known:
-            away = x - other
-            distance = float(away @ away) or float(np.finfo(float).tiny)
-            scale = float(other @ other) or 1.0
-            slope += -2.0 * scale / (distance * (distance + scale)) * float(away @ step)
-        factor = 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
-        length = abs(factor) * float(np.linalg.norm(step))
-        if length <= 1e-6 * max(size, float(np.finfo(float).tiny)):
-            return x + step
-        # steps larger than the solution itself are cut: far from a solution the linear model is worth little
-        damping = min(1.0, max(size, 1e-12) / length) if length > previous else 1.0
-        x += damping * factor * step
-        previous = length
-        if not np.isfinite(length) or size > 1e12:
-            return None
-    return None

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import position
 from hbnlp.core.kinds import Status
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
@@ -64,7 +65,7 @@ class Solution:
 
     def harmonics(self, output: str) -> ComplexArray:
         """Return the complex amplitudes (H+1,) of a named output."""
-        return np.asarray(self.amplitudes[self._index(output)])
+        return np.asarray(self.amplitudes[position("output", output, self.output_names)])
 
     def signal(self, output: str, t: ArrayLike) -> Array:
         """Return a named output at times t, from its harmonics (exact for outputs that are linear)."""
@@ -87,22 +88,12 @@ class Solution:
         ValueError
             If the solution came from a file, without its problem.
         """
-        if self.problem is None:
-            raise ValueError(
-                "a solution from a file has no problem to evaluate expressions with; solve it again from there"
-            )
-        function = ca.Function("expression", [self.problem.x, self.problem.p], [ca.densify(expression)])
-        return np.asarray(
-            function(self.coefficients.ravel(), np.array(list(self.parameters.values()))).full().squeeze()
-        )
+        problem = attached(self)
+        function = ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
+        return np.asarray(function(self.coefficients.ravel(), problem.values(self.parameters)).full().squeeze())
 
     def _at(self, t: ArrayLike) -> Array:
         return basis_values(self.omega / self.periods * np.asarray(t, dtype=float), self.n_harmonics)
-
-    def _index(self, output: str) -> int:
-        if output not in self.output_names:
-            raise KeyError(unknown_name("output", output, self.output_names))
-        return self.output_names.index(output)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value:.10g}" for name, value in self.parameters.items())
@@ -118,6 +109,23 @@ class Solution:
             f"{f' / {self.periods}' if self.periods > 1 else ''}\n  at {values}\n  first harmonics: {first}\n  "
             f"{statistics}"
         )
+
+
+class Attachable(Protocol):
+    """A record that knows its problem, unless it came from a file."""
+
+    @property
+    def problem(self) -> HarmonicBalance | None:
+        """The problem, or None."""
+        ...
+
+
+def attached(record: Attachable, advice: str = "solve or trace it again from there") -> HarmonicBalance:
+    """Return the problem of a record; a record from a file has none, which is a ValueError with the advice."""
+    if record.problem is None:
+        kind = type(record).__name__.lower()
+        raise ValueError(f"a {kind} from a file has no problem, and so no equations: {advice}")
+    return record.problem
 
 
 def make_solution(

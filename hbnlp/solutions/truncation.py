@@ -16,11 +16,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.continuation.newton import Bordered
+from hbnlp.continuation.curve import Bordered
 from hbnlp.core.types import Array
-from hbnlp.solutions.equations import ParameterCurve
-from hbnlp.solutions.solution import Solution
+from hbnlp.solutions.equations import Equations, along_parameter
+from hbnlp.solutions.solution import Solution, attached
 
 
 def truncation_error(solution: Solution) -> float:
@@ -35,43 +34,29 @@ def truncation_error(solution: Solution) -> float:
     ValueError
         If the solution came from a file, without its problem.
     """
-    if solution.problem is None:
-        raise ValueError("a solution from a file has no problem to be estimated with; solve it again from there")
-    values = np.array(list(solution.parameters.values()))
-    fixed = np.zeros(solution.coefficients.size + 1)
-    fixed[-1] = 1.0
-    curve = ParameterCurve(solution.problem, values, "omega", 1.0)
-    y = np.append(solution.coefficients.ravel(), values[curve.index])
-    return Estimate(solution.problem, curve, y, fixed).error
+    problem = attached(solution)
+    values = problem.values(solution.parameters)
+    curve = along_parameter(problem, values, "omega")
+    return Estimate(curve, curve.point(solution.coefficients, solution.omega), curve.unknowns.fixing_last()).error
 
 
 class Estimate:
-    """The Newton step with 2 H + 1 harmonics at a solution of H, and what it says."""
+    """The Newton step with 2 H + 1 harmonics at a point with H of a curve, and what it says."""
 
-    def __init__(self, problem: HarmonicBalance, curve: ParameterCurve, y: Array, row: Array) -> None:
-        self._n_harmonics = problem.n_harmonics
-        self._finer = problem.with_harmonics(2 * problem.n_harmonics + 1)
-        finer = ParameterCurve(self._finer, curve.values(y), curve.name, curve.floor)
-        padded, plane = (resized(v, problem, self._finer) for v in (y, row))
+    def __init__(self, curve: Equations, y: Array, row: Array) -> None:
+        self._n_harmonics = curve.problem.n_harmonics
+        finer = curve.on(curve.problem.with_harmonics(2 * self._n_harmonics + 1))
+        padded, plane = (curve.resized(v, finer) for v in (y, row))
         step = -Bordered.at(finer, padded, plane).solve(np.append(finer.residual(padded), 0.0))
-        self._bettered = padded + step
-        self._size = max(float(np.linalg.norm(y[:-1])), curve.solution_floor)
-        self.error = float(np.linalg.norm(step[:-1])) / self._size
+        self._finer, self._bettered = finer, padded + step
+        self._size = curve.unknowns.size_of(y)
+        self.error = float(np.linalg.norm(finer.unknowns.coefficients(step))) / self._size
 
     def harmonics_for(self, tolerance: float) -> int:
         """Return the number of harmonics beyond which the bettered solution has half the tolerance left."""
-        columns = self._bettered[:-1].reshape(self._finer.shape)
-        energies = np.sum(columns**2, axis=0)
-        for n in range(self._n_harmonics + 1, self._finer.n_harmonics):
+        energies = np.sum(self._finer.coefficients(self._bettered) ** 2, axis=0)
+        most = self._finer.problem.n_harmonics
+        for n in range(self._n_harmonics + 1, most):
             if np.sqrt(energies[2 * n + 1 :].sum()) <= 0.5 * tolerance * self._size:
                 return n
-        return self._finer.n_harmonics
-
-
-def resized(y: Array, problem: HarmonicBalance, other: HarmonicBalance) -> Array:
-    """Return (x, parameter) of one balance with the harmonics of another: zeros added, or the highest cut off."""
-    coefficients = y[:-1].reshape(problem.shape)
-    result = np.zeros(other.shape)
-    kept = min(problem.shape[1], other.shape[1])
-    result[:, :kept] = coefficients[:, :kept]
-    return np.append(result.ravel(), y[-1])
+        return most

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.callbacks import Callbacks, Observers, StopTracing, ended_by
+from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import finite_numbers, instance_of, list_of_callables, whole_number
-from hbnlp.core.errors import TaskError
+from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.integration.first_order import FirstOrderForm, Method
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.settling import AUTOMATIC, check_limits, initial_state, settle
-from hbnlp.sweeps.time_records import TimeSweep
+from hbnlp.sweeps.jumps import is_suspicious, relative_change
+from hbnlp.sweeps.records import TimeSweep
 from hbnlp.systems.system import System
-
-SUSPICIOUS = 0.05
-"""A relative change of the response from value to value that calls for the proof whether it is a jump."""
-SUDDEN = 5.0
-"""A change this many times the last one calls for it, too, if it is above `VISIBLE`."""
-VISIBLE = 1e-3
 
 
 def march(
@@ -104,7 +99,15 @@ def march(
     parameters = system.parameters.as_dict(point)
     del parameters[name]
 
-    def result(ending: str = "under way") -> TimeSweep:
+    broken: list[str] = []
+
+    def result(ending: Ending) -> TimeSweep:
+        whole = ending is COMPLETE and not broken
+        message = (
+            f"all {marched.size} values reached" if whole else ending.after(f"{len(points)} of {marched.size} values")
+        )
+        if points and ending in (INTERRUPTED, STOPPED):
+            message += "; go on from initial=sweep.states[-1]"
         return _time_sweep(
             points,
             system,
@@ -113,41 +116,31 @@ def march(
             n_harmonics=n_harmonics,
             periods=int(periods),
             method=repr(method),
-            complete=not ending,
-            message=ending or f"all {marched.size} values reached",
+            complete=whole,
+            message=broken[0] if broken else message,
         )
 
-    observers, ending = Observers(callbacks, f"integrating along {name}", name), ""
-    try:
+    def work() -> Iterator[Report]:
+        current = state
         for value in marched:
             last = next((p for p in reversed(points) if p.periodic), None)
             try:
-                response = respond(float(value), state)
+                response = respond(float(value), current)
                 if response.stopped_at is not None:
-                    ending = f"ended at {name} = {value:g}: {response.message}"
-                    break
+                    broken.append(f"ended at {name} = {value:g}: {response.message}")
+                    return
                 here = _point(float(value), response, n_harmonics, last, respond if find_jumps else None)
             except ValueError as error:  # a fixed step is no longer stable
                 if not points:
                     raise
-                ending = f"ended at {name} = {value:g}: {error}"
-                break
+                broken.append(f"ended at {name} = {value:g}: {error}")
+                return
             points.append(here)
-            state = response.state
+            current = response.state
             counts = {"values": len(points), "jumps": sum(p.jumped_from is not None for p in points)}
-            observers.tell(value, len(points) / marched.size, counts, result)
-    except (KeyboardInterrupt, StopTracing) as stop:
-        ending = f"{ended_by(stop)} after {len(points)} of {marched.size} values"
-        ending += "; go on from initial=sweep.states[-1]" if points else ""
-    except Exception as error:
-        if not points:
-            raise
-        sweep = result(f"{type(error).__name__} after {len(points)} of {marched.size} values: {error}")
-        observers.finish(sweep)
-        raise TaskError(f"integrating along {name}", sweep, error) from error
-    sweep = result(ending)
-    observers.finish(sweep)
-    return sweep
+            yield Report(value, len(points) / marched.size, counts)
+
+    return drive(f"integrating along {name}", work(), result, name=name, callbacks=callbacks)
 
 
 def _time_sweep(
@@ -209,9 +202,8 @@ def _point(
     new, change, jumped_from = response.displacement_harmonics(n_harmonics), 0.0, None
     if last is not None and response.periodic:
         old = last.displacements
-        size = max(float(np.linalg.norm(new)), float(np.linalg.norm(old)))
-        change = float(np.linalg.norm(new - old)) / size if size else 0.0
-        if respond and (change > SUSPICIOUS or change > max(VISIBLE, SUDDEN * last.change)):
+        change = relative_change(old, new)
+        if respond and is_suspicious(change, last.change):
             back = respond(last.value, response.state)
             if back.stopped_at is not None or _nearer(back.displacement_harmonics(n_harmonics), new, old):
                 jumped_from = last.value

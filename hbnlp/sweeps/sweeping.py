@@ -13,8 +13,8 @@ from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
 from hbnlp.integration.first_order import Method
 from hbnlp.sweeps.by_integration import march
-from hbnlp.sweeps.by_newton import NewtonMarch, Sweep
-from hbnlp.sweeps.time_records import TimeSweep
+from hbnlp.sweeps.by_newton import NewtonMarch
+from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.systems.system import System
 
 

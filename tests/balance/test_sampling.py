@@ -6,10 +6,10 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.balance.problem import ALIASING_TOL, HarmonicBalance
 from hbnlp.balance.sampling import polynomial_degree, sufficient_samples
 from hbnlp.branches.tracing import trace
-from hbnlp.solutions.solving import ALIASING_TOL, solve
+from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch

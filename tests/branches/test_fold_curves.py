@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.fold_curves import FoldBranch, fold_curve
+from hbnlp.branches.fold_curves import FoldBranch
 from hbnlp.branches.folds import fold_by_newton
+from hbnlp.branches.following import fold_curve
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.errors import ConvergenceError, SaveError
@@ -266,7 +267,7 @@ def test_a_fold_may_serve_a_problem_with_more_harmonics(fold):
     assert curve.first[k] == pytest.approx(1.2696019555, abs=1e-9)
     values = finer.values({"omega": curve.first[k]})
     again = fold_by_newton(finer, curve.coefficients[k].ravel(), values, "omega", Newton())
-    assert again.y[-1] == pytest.approx(1.2696019555, rel=1e-10)
+    assert again.value == pytest.approx(1.2696019555, rel=1e-10)
 
 
 def test_an_interrupted_curve_keeps_its_folds_and_says_so(problem, fold, caplog):

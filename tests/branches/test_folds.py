@@ -8,7 +8,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.folds import fold_by_newton, fold_by_program, fold_sensitivity, left_null_vector
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
-from hbnlp.solutions.solving import Ipopt
+from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.testing import check_branch
 from hbnlp.wing.coupling import membrane_wing
@@ -50,13 +50,13 @@ def test_the_program_and_newton_find_the_same_folds(traced):
         maximum = fold.value >= max(fold.bracket)
         x, values = point(problem, fold)
         values[problem.system.parameters.index(name)] *= 1.0 - 1e-4 * (1 if maximum else -1)
-        by_program, _ = fold_by_program(problem, x, values, name, Ipopt(), maximum=maximum)
+        by_program = fold_by_program(problem, x, values, name, Ipopt(), maximum=maximum)
         by_newton = fold_by_newton(problem, x, values, name, Newton())
         assert by_program.converged, by_program.reason
         assert by_newton.converged, by_newton.reason
-        assert by_program.y[-1] == pytest.approx(by_newton.y[-1], rel=1e-10)
-        assert fold.value == pytest.approx(by_newton.y[-1], rel=1e-10)
-        np.testing.assert_allclose(by_program.y[:-1], by_newton.y[: problem.size], atol=1e-5 * np.abs(x).max())
+        assert by_program.value == pytest.approx(by_newton.value, rel=1e-10)
+        assert fold.value == pytest.approx(by_newton.value, rel=1e-10)
+        np.testing.assert_allclose(by_program.x, by_newton.x, atol=1e-5 * np.abs(x).max())
 
 
 def test_the_multiplier_of_the_program_is_the_left_null_vector(traced):
@@ -64,13 +64,13 @@ def test_the_multiplier_of_the_program_is_the_left_null_vector(traced):
     for fold in branch.folds:
         maximum = fold.value >= max(fold.bracket)
         x, values = point(problem, fold)
-        found, multiplier = fold_by_program(problem, x, values, name, Ipopt(), maximum=maximum)
-        values[problem.system.parameters.index(name)] = found.y[-1]
-        jacobian = problem.assembly.jacobian(found.y[:-1], values)
-        assert np.linalg.norm(multiplier) == pytest.approx(1.0)
-        assert np.abs(multiplier @ jacobian).max() <= 1e-7 * np.abs(jacobian).max()
+        found = fold_by_program(problem, x, values, name, Ipopt(), maximum=maximum)
+        values[problem.system.parameters.index(name)] = found.value
+        jacobian = problem.assembly.jacobian(found.x, values)
+        assert np.linalg.norm(found.left) == pytest.approx(1.0)
+        assert np.abs(found.left @ jacobian).max() <= 1e-7 * np.abs(jacobian).max()
         left = left_null_vector(problem, x, problem.values(fold.solution.parameters), name, fold.null.ravel())
-        assert abs(multiplier @ left) / np.linalg.norm(left) == pytest.approx(1.0, abs=1e-8)
+        assert abs(found.left @ left) / np.linalg.norm(left) == pytest.approx(1.0, abs=1e-8)
 
 
 def test_null_vectors_annul_the_jacobian_from_both_sides(traced):
@@ -99,7 +99,7 @@ def test_the_sensitivity_of_a_fold_is_the_difference_of_folds_located_again(trac
             there[index] += shift
             found = fold_by_newton(problem, x, there, name, Newton(tol=1e-12), fold.null.ravel())
             assert found.converged
-            return found.y[-1]
+            return found.value
 
         for other, slope in fold.sensitivity.items():
             index = names.index(other)
@@ -142,14 +142,14 @@ def test_folds_of_a_wing_with_lag_states_are_found_both_ways():
     for fold in branch.folds:
         maximum = fold.value >= max(fold.bracket)
         x, values = point(problem, fold)
-        found, _ = fold_by_program(problem, x, values, "omega", Ipopt(), maximum=maximum)
-        assert found.y[-1] == pytest.approx(fold.value, rel=1e-10)
+        found = fold_by_program(problem, x, values, "omega", Ipopt(), maximum=maximum)
+        assert found.value == pytest.approx(fold.value, rel=1e-10)
         h = 1e-3
         index = problem.system.parameters.index("stiffness")
         values[index] += h
-        above = fold_by_newton(problem, x, values, "omega", Newton(tol=1e-12), fold.null.ravel()).y[-1]
+        above = fold_by_newton(problem, x, values, "omega", Newton(tol=1e-12), fold.null.ravel()).value
         values[index] -= 2 * h
-        below = fold_by_newton(problem, x, values, "omega", Newton(tol=1e-12), fold.null.ravel()).y[-1]
+        below = fold_by_newton(problem, x, values, "omega", Newton(tol=1e-12), fold.null.ravel()).value
         assert fold.sensitivity["stiffness"] == pytest.approx((above - below) / (2 * h), rel=1e-4)
 
 
@@ -159,7 +159,7 @@ def test_a_start_without_a_fold_near_says_so():
     x = np.array([0.0, 1.0, 2.0])
     for found in (
         fold_by_newton(problem, x, values, "omega", Newton()),
-        fold_by_program(problem, x, values, "omega", Ipopt(max_iterations=50), maximum=True)[0],
+        fold_by_program(problem, x, values, "omega", Ipopt(max_iterations=50), maximum=True),
     ):
         assert not found.converged
         assert found.reason

@@ -13,7 +13,7 @@ from hbnlp.aero import thin_airfoil
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import load_branch
 from hbnlp.branches.extrema import peaks
-from hbnlp.branches.fold_curves import fold_curve
+from hbnlp.branches.following import fold_curve
 from hbnlp.branches.tracing import trace
 from hbnlp.core.kinds import Kind
 from hbnlp.plot import EVENT_MARKERS, MARKERS, plot_branch, plot_fold_curve, plot_sweep

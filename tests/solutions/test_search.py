@@ -8,7 +8,8 @@ from hbnlp.branches.tracing import trace
 from hbnlp.core.callbacks import Autosave
 from hbnlp.core.errors import TaskError
 from hbnlp.core.kinds import End
-from hbnlp.solutions.search import Search, deflated_newton, find_all
+from hbnlp.solutions.deflation import deflated_newton
+from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
@@ -166,7 +167,7 @@ def test_an_interrupted_search_returns_what_it_found_and_says_so(caplog):
 
     found = find_all(problem, at={"omega": 1.2}, callbacks=[end])
     check_solutions(problem, found)
-    assert f"the search was interrupted with {len(found)} solutions found" in caplog.text
+    assert f"searching was interrupted after {len(found)} solutions" in caplog.text
     assert [p.value for p in seen] == [0, 1, 2, 2]
     assert seen[-1].result() == found
     assert seen[-1].fraction == 2 / 40

@@ -11,7 +11,9 @@ from hbnlp.continuation.newton import Newton
 from hbnlp.core.errors import ConvergenceError, NonFiniteError
 from hbnlp.core.kinds import Status
 from hbnlp.fourier import shift
-from hbnlp.solutions.solving import Ipopt, Rootfinder, solve
+from hbnlp.solutions.ipopt import Ipopt
+from hbnlp.solutions.rootfinder import Rootfinder
+from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
 

@@ -8,7 +8,7 @@ from hbnlp.core.errors import TaskError
 from hbnlp.integration.methods import Adaptive, RungeKutta4
 from hbnlp.integration.settling import integrate
 from hbnlp.sweeps.by_integration import march
-from hbnlp.sweeps.time_records import TimeSweep
+from hbnlp.sweeps.records import TimeSweep
 from hbnlp.systems import duffing
 from hbnlp.systems.system import System
 

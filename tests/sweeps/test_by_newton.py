@@ -11,9 +11,8 @@ from hbnlp.core.callbacks import Autosave, StopTracing
 from hbnlp.core.errors import SaveError, TaskError
 from hbnlp.integration.methods import Adaptive, RungeKutta4
 from hbnlp.solutions.solving import solve
-from hbnlp.sweeps.by_newton import Sweep
+from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.sweeps.sweeping import sweep
-from hbnlp.sweeps.time_records import TimeSweep
 from hbnlp.systems import duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch

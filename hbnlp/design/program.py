@@ -4,8 +4,7 @@ Every response brings its unknowns and its equations, and IPOPT moves responses 
 
     min  f(d, x_1, x_2, ...)   s.t.   R(x_i; d) = 0,   lower <= c(d, x_1, x_2, ...) <= upper
 
-A fold stays one while the design varies, by ``R_x v = 0, v.v = 1`` in the further unknowns v and lambda (Moore and
-Spence 1980, doi:10.1137/0717048). All derivatives, the second ones included, are CasADi's.
+All derivatives, the second ones included, are CasADi's.
 """
 
 from __future__ import annotations
@@ -18,148 +17,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import SpecialPoint
 from hbnlp.core.checks import unknown_name
 from hbnlp.core.errors import ConvergenceError
-from hbnlp.core.kinds import Kind
 from hbnlp.core.types import Array
+from hbnlp.design.responses import Response
+from hbnlp.design.variables import Variables
+from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.solutions.solution import Solution, make_solution
-from hbnlp.solutions.solving import Ipopt, samples_suffice
-
-
-@final
-class Variables:
-    """Parameters that a program may change, each within finite bounds (lower, upper); all its responses share them."""
-
-    def __init__(self, bounds: Mapping[str, tuple[float, float]]) -> None:
-        for name, (low, high) in bounds.items():
-            if not (np.isfinite(low) and np.isfinite(high) and low < high):
-                raise ValueError(f"bounds of {name!r} are {(low, high)!r}; two finite, rising numbers are needed")
-        self.names = tuple(bounds)
-        self.limits = np.array(list(bounds.values()), dtype=float).reshape(-1, 2)
-        self.scale = np.max(np.abs(self.limits), axis=1)
-        self.symbols = ca.MX.sym("variables", len(self.names))
-
-    def __getitem__(self, name: str) -> ca.MX:
-        """Return a variable, for objectives and bounds."""
-        if name not in self.names:
-            raise KeyError(unknown_name("variable", name, self.names))
-        index = self.names.index(name)
-        return self.scale[index] * self.symbols[index]
-
-
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Response:
-    """A periodic solution or a fold as part of a program, made by `response_at` or `fold_at`.
-
-    Call it with an expression of ``problem.x`` and ``problem.p`` for that expression here, such as
-    ``cruise(problem.amplitude_squared("C_L"))``.
-    """
-
-    problem: HarmonicBalance
-    x: ca.MX
-    p: ca.MX
-    unknowns: ca.MX = field(repr=False)
-    equations: ca.MX = field(repr=False)
-    start: Array = field(repr=False)
-
-    def __call__(self, expression: ca.MX) -> ca.MX:
-        """Return an expression of the problem's symbols at this response."""
-        return ca.Function("here", [self.problem.x, self.problem.p], [expression])(self.x, self.p)
-
-    def parameter(self, name: str) -> ca.MX:
-        """Return a parameter here: a number, a variable, or the free parameter of a fold."""
-        return self.p[self.problem.system.parameters.index(name)]
-
-
-def response_at(
-    problem: HarmonicBalance, variables: Variables, start: Solution, *, at: Mapping[str, float] | None = None
-) -> Response:
-    """Return the response at the parameters of ``start``, but for ``at`` and the variables; it begins at ``start``.
-
-    Parameters
-    ----------
-    problem : HarmonicBalance
-    variables : Variables
-        Those of the program.
-    start : Solution
-        Coefficients to begin from, and the values of the parameters that are no variables.
-    at : mapping of names to values, optional
-        Values that override those of ``start``.
-
-    Returns
-    -------
-    Response
-
-    Raises
-    ------
-    KeyError, ValueError
-        For a name that is no parameter, or coefficients that do not fit the problem.
-    """
-    values, x0 = problem.values({**start.parameters, **(at or {})}), problem.vector(start.coefficients)
-    size, terms = _sizes(problem, x0, values)
-    xi, p = ca.MX.sym("x", problem.size), _parameters(problem, variables, values, {})
-    x = size * xi
-    return Response(problem=problem, x=x, p=p, unknowns=xi, equations=problem.residual(x, p) / terms, start=x0 / size)
-
-
-def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, name: str) -> Response:
-    """Return a fold in the parameter ``name``, which is free; it begins at ``fold``, one of ``branch.folds``.
-
-    Parameters
-    ----------
-    problem : HarmonicBalance
-    variables : Variables
-        Those of the program.
-    fold : SpecialPoint
-        A refined fold in ``name``.
-    name : str
-        The parameter whose value at the fold is an unknown of the program: ``response.parameter(name)``.
-
-    Returns
-    -------
-    Response
-
-    Raises
-    ------
-    ValueError
-        If ``fold`` is no refined fold, or ``name`` is a variable, too.
-    KeyError
-        For a name that is no parameter.
-    """
-    if fold.kind is not Kind.FOLD or fold.null is None:
-        raise ValueError(f"{fold!r} was given; a refined fold, one of branch.folds, is needed")
-    if name in variables.names:
-        raise ValueError(f"{name!r} is the free parameter of the fold; it cannot be a variable, too")
-    values, x0 = problem.values(fold.solution.parameters), problem.vector(fold.solution.coefficients)
-    (size, terms), unit, null = _sizes(problem, x0, values), abs(fold.value) or 1.0, problem.vector(fold.null)
-    xi, v, free, along = (ca.MX.sym(s, n) for s, n in (("x", x0.size), ("v", x0.size), ("free", 1), ("along", x0.size)))
-    x, p = size * xi, _parameters(problem, variables, values, {name: unit * free})
-    tangent = ca.Function("tangent", [problem.x, problem.p, along], [ca.jtimes(problem.g, problem.x, along)])
-    equations = [problem.residual(x, p) / terms, tangent(x, p, v) * (size / terms), 0.5 * (ca.sumsqr(v) - 1.0)]
-    return Response(
-        problem=problem,
-        x=x,
-        p=p,
-        unknowns=ca.vertcat(xi, v, free),
-        equations=ca.vertcat(*equations),
-        start=np.concatenate([x0 / size, null / np.linalg.norm(null), [fold.value / unit]]),
-    )
-
-
-def _sizes(problem: HarmonicBalance, x: Array, values: Array) -> tuple[float, float]:
-    """Return the sizes of the unknowns and of the residual's terms."""
-    tiny = float(np.finfo(float).tiny)
-    return max(float(np.linalg.norm(x)), tiny), max(problem.assembly.term_size(x, values), tiny)
-
-
-def _parameters(problem: HarmonicBalance, variables: Variables, values: Array, free: Mapping[str, ca.MX]) -> ca.MX:
-    entries = [ca.MX(float(value)) for value in values]
-    for name, symbol in {**{name: variables[name] for name in variables.names}, **free}.items():
-        entries[problem.system.parameters.index(name)] = symbol
-    return ca.vertcat(*entries)
 
 
 @final
@@ -273,7 +137,7 @@ class Program:
             off = float(np.abs(g[: self._n_equations]).max())
             advice = f"at the bound {met}: relax it or those of the variables, or start" if met else "start"
             message = f"IPOPT ended with {stats['return_status']}, an equation off by {off:.2g}; {advice} nearer"
-        elif not all(samples_suffice(*point) for point in points):
+        elif not all(problem.samples_suffice(x, p) for problem, x, p in points):
             message = "the force is sampled too coarsely at the optimum; make the problems with larger n_samples"
         optimum = Optimum(
             values={

@@ -1,0 +1,219 @@
+"""Following a fold in two parameters, and where the response changes its shape on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.fold_curves import FoldBranch, FoldCurvePoint
+from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.continuation.arclength import PseudoArclength, Stop
+from hbnlp.continuation.curve import null_vector
+from hbnlp.continuation.locating import locate
+from hbnlp.continuation.newton import Newton, correct
+from hbnlp.continuation.point import Point, start_point
+from hbnlp.continuation.walk import Walk
+from hbnlp.core.callbacks import Callbacks
+from hbnlp.core.checks import instance_of, list_of_callables
+from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.kinds import FoldEvent, Kind
+from hbnlp.core.tasks import Ending, Report, drive
+from hbnlp.core.types import Array
+from hbnlp.solutions.equations import Equations, along_folds, along_parameter
+from hbnlp.solutions.ipopt import FreeParameters
+
+
+def fold_curve(
+    problem: HarmonicBalance,
+    fold: SpecialPoint,
+    first: str,
+    second: str,
+    *,
+    first_span: tuple[float, float] | None = None,
+    second_span: tuple[float, float] | None = None,
+    method: PseudoArclength | None = None,
+    callbacks: Callbacks = (),
+) -> FoldBranch:
+    """Follow a fold in two parameters, both ways.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    fold : SpecialPoint
+        A fold in ``first``, as `hbnlp.trace` finds it.
+    first, second : str
+        The parameters.
+    first_span, second_span : (float, float), optional
+        Where to stop; by default a tenth and ten times the values at the fold.
+    method : PseudoArclength, optional
+    callbacks : sequence of callables
+        Called after each fold with a `Progress`; one that raises `StopTracing` ends the curve, as Ctrl-C does: with all
+        folds so far, and ``ends`` says so.
+
+    Returns
+    -------
+    FoldBranch
+        ``ends`` says why it ended, on either side.
+
+    Raises
+    ------
+    ConvergenceError
+        If the fold does not converge in this problem.
+    ValueError, KeyError
+        For another special point, spans that do not hold the fold, or unknown or equal parameters.
+    TypeError
+        For a problem, fold, method or callbacks of another kind.
+    """
+    instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+    instance_of("fold", fold, SpecialPoint, "one fold, such as branch.folds[0]")
+    instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
+    list_of_callables("callbacks", callbacks)
+    if first == second:
+        raise ValueError(f"first and second are both {first!r}; two different parameters are needed")
+    if fold.kind is not Kind.FOLD:
+        raise ValueError(f"fold is a {fold.kind.value}; a fold is needed, one of branch.folds")
+    values = problem.values(fold.solution.parameters)
+    index = problem.system.parameters.index
+    place = (float(values[index(first)]), float(values[index(second)]))
+    spans = [
+        _span_around(span, value, name)
+        for span, value, name in zip((first_span, second_span), place, (first, second), strict=True)
+    ]
+    curve, y = _fold_on_its_curve(along_folds(problem, values, first, second), fold, place)
+    options = method or PseudoArclength(angle=5.0, max_points=3000)
+    others = {k: v for k, v in fold.solution.parameters.items() if k not in (first, second)}
+    back, ahead = _Side(points=[y]), _Side(points=[y])
+
+    def result(ending: Ending) -> FoldBranch:
+        points = [*back.points[:0:-1], *ahead.points]
+        scalars = np.array([curve.unknowns.scalars(point) for point in points])
+        return FoldBranch(
+            names=(first, second),
+            first=scalars[:, 0],
+            second=scalars[:, 1],
+            coefficients=np.array([curve.coefficients(point) for point in points]),
+            events=(*back.events[::-1], *ahead.events),
+            ends=(back.end or str(ending), ahead.end or str(ending)),
+            parameters=others,
+        )
+
+    work = _both_ways(back, ahead, curve, spans, options)
+    return drive(f"following a fold in {first} and {second}", work, result, name=second, callbacks=callbacks)
+
+
+def _fold_on_its_curve(curve: Equations, fold: SpecialPoint, place: tuple[float, float]) -> tuple[Equations, Array]:
+    """Return the fold as a point of the curve of folds, which has as many samples of the force as it takes."""
+    problem = curve.problem
+    x, values = problem.vector(fold.solution.coefficients), problem.values(fold.solution.parameters)
+    null = null_vector(problem.assembly.jacobian(x, values)) if fold.null is None else problem.vector(fold.null)
+    guess = curve.unknowns.joined(x, place, null / np.linalg.norm(null))
+    finer = curve.resampled(guess)
+    while finer is not None:
+        curve, finer = finer, finer.resampled(guess)
+    found = correct(curve, guess, curve.unknowns.fixing_last(), Newton())
+    if not found.converged:
+        name = curve.unknowns.free[0].name
+        raise ConvergenceError(
+            f"the fold at {name} = {place[0]:g} does not converge in this problem: {found.reason}", found
+        )
+    return curve, found.y
+
+
+def _span_around(span: tuple[float, float] | None, value: float, name: str) -> tuple[float, float]:
+    if span is None:
+        reach = 10.0 * abs(value) or 1.0
+        span = (value / 10.0, reach) if value > 0.0 else (-reach, value / 10.0 if value else reach)
+    if len(span) != 2:
+        raise ValueError(f"the span of {name} is {span!r}; give two values, the lowest and the highest")
+    low, high = sorted(span)
+    if not low <= value <= high:
+        raise ValueError(f"the fold lies at {name} = {value:g}, outside of {span!r}")
+    return low, high
+
+
+@dataclass
+class _Side:
+    """One way along a fold curve."""
+
+    points: list[Array]
+    events: list[FoldCurvePoint] = field(default_factory=list)
+    end: str = ""
+
+
+def _both_ways(
+    back: _Side, ahead: _Side, curve: Equations, spans: list[tuple[float, float]], options: PseudoArclength
+) -> Iterator[Report]:
+    """Extend the two sides, fold by fold, until each says why it ends; a closed curve has only one."""
+    sides = (back, ahead)
+    for side, sign in ((ahead, 1.0), (back, -1.0)):
+        start = start_point(curve, side.points[0], sign * curve.unknowns.fixing_last())
+        walk = Walk(curve, start, options, limits=spans[1], renew=lambda at, point: at.resampled(point.y))
+        for before, after in walk:
+            event = _event(walk.curve, before, after, options.newton)
+            side.events += [event] if event is not None else []
+            side.points.append(after.y)
+            if not spans[0][0] < curve.unknowns.scalars(after.y)[0] < spans[0][1]:
+                side.end = "end of the first span"
+            elif walk.stop is not None:
+                side.end = _words(walk.stop)
+            counts = {"folds": sum(len(s.points) for s in sides), "events": sum(len(s.events) for s in sides)}
+            yield Report(after.parameter, 0.5 * sum(bool(s.end) for s in sides), counts)
+            if side.end:
+                break
+        if walk.stop is not None:
+            side.end = side.end or _words(walk.stop)
+        if walk.stop is Stop.CLOSED:
+            back.end = side.end
+            return
+
+
+def _words(stop: Stop) -> str:
+    return "end of the second span" if stop is Stop.LIMIT else stop.value
+
+
+def _event(curve: Equations, before: Point, after: Point, newton: Newton) -> FoldCurvePoint | None:
+    """Return the event between two points: the second parameter is stationary there, at a cusp the first one, too."""
+    if before.tangent[-1] * after.tangent[-1] >= 0.0:
+        return None
+    located = locate(curve, before, after, lambda point: float(point.tangent[-1] / point.scale[-1]), newton)
+    if located is None:
+        return None
+    y = located.y
+    if before.tangent[-2] * after.tangent[-2] < 0.0:
+        kind = FoldEvent.CUSP
+    else:
+        kind = FoldEvent.ISOLA_BIRTH if _is_centre(curve, y) else FoldEvent.ISOLA_MERGE
+    first, second = curve.unknowns.scalars(y)
+    return FoldCurvePoint(kind=kind, first=float(first), second=float(second), coefficients=curve.coefficients(y))
+
+
+def _is_centre(curve: Equations, y: Array) -> bool:
+    """Return whether the solutions in (x, first parameter) are an isolated point there, not a crossing of branches.
+
+    On the two-dimensional null space of [R_x, R_lambda] the second derivative of w.R is a quadratic form: definite for
+    a centre, indefinite for a crossing (Golubitsky and Schaeffer 1985, doi:10.1007/978-1-4612-5034-0).
+    """
+    problem, n = curve.problem, curve.problem.size
+    values, name = curve.values(y), curve.unknowns.free[0].name
+    assert name is not None
+    along_first = along_parameter(problem, values, name)
+    point = along_first.point(curve.coefficients(y), float(curve.unknowns.scalars(y)[0]))
+    full = np.zeros((n, n + 1))
+    along_first.jacobian(point, full)
+    left, _, right = np.linalg.svd(full)
+    w, plane = left[:, -1], right[-2:]
+    along, weight, substituted = ca.MX.sym("along", n + 1), ca.MX.sym("w", n), FreeParameters(problem, [name])
+    form, unknowns = ca.dot(weight, substituted(problem.g)), substituted.unknowns
+    second = ca.jtimes(ca.jtimes(form, unknowns, along), unknowns, along)
+    function = ca.Function("second", [unknowns, problem.p, weight, along], [second])
+
+    def quadratic(direction: Array) -> float:
+        return float(function(point, values, w, direction))
+
+    a, c = quadratic(plane[0]), quadratic(plane[1])
+    b = 0.25 * (quadratic(plane[0] + plane[1]) - quadratic(plane[0] - plane[1]))
+    return a * c - b * b > 0.0

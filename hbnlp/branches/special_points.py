@@ -1,0 +1,112 @@
+"""A special point of a branch: a fold, a branch point, a bifurcation of its motions, a peak."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hbnlp.core.kinds import Kind
+from hbnlp.core.types import Array
+from hbnlp.solutions.solution import Solution
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpecialPoint:
+    """A point where something happens, bracketed by two points of the branch and then solved for.
+
+    Attributes
+    ----------
+    kind : Kind
+    value : float
+        The continuation parameter there.
+    bracket : (float, float)
+        Its values at the two points of the branch between which the special point lies.
+    index : int
+        Number of the branch's point before it.
+    refined : bool
+        Whether it was solved for; if not, value and solution are those of the branch's point after it.
+    solution : Solution
+    null : array (n_dof, 2H+1) or None
+        Null vector of the Jacobian at a fold; second tangent direction at a branch point; None at the others.
+    multiplier : complex or None
+        The critical Floquet multiplier, where stability was computed. At a fold or branch point it belongs to the null
+        vector of the balance, and is +1 but for the harmonics that are left out: far from it, the point is one of the
+        truncated equations alone.
+    sensitivity : dict
+        At a fold: derivative of its value by every other parameter, from the left null vector.
+    """
+
+    kind: Kind
+    value: float
+    bracket: tuple[float, float]
+    index: int
+    refined: bool
+    solution: Solution = field(repr=False)
+    null: Array | None = field(default=None, repr=False)
+    multiplier: complex | None = None
+    sensitivity: Mapping[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        state = "" if self.refined else " (not refined)"
+        return f"{self.kind.value} at {self.value:.12g}{state}, between {self.bracket[0]:.8g} and {self.bracket[1]:.8g}"
+
+
+def packed(points: Sequence[SpecialPoint], shape: tuple[int, ...]) -> tuple[dict[str, Array], list[dict[str, Any]]]:
+    """Return special points, whose coefficients have a shape (n_dof, 2H+1), as arrays and as what JSON can write."""
+    if not points:
+        return {}, []
+    absent = np.full(shape, np.nan)
+    arrays = {
+        "special_coefficients": np.array([p.solution.coefficients for p in points]),
+        "special_amplitudes": np.array([p.solution.amplitudes for p in points]),
+        "special_null": np.array([absent if p.null is None else p.null for p in points]),
+    }
+    return arrays, [_metadata(p) for p in points]
+
+
+def unpacked(
+    arrays: Mapping[str, Any], entries: Sequence[Mapping[str, Any]], *, output_names: tuple[str, ...], periods: int
+) -> tuple[SpecialPoint, ...]:
+    """Return the special points of what `packed` made."""
+    points = []
+    for i, entry in enumerate(entries):
+        null = arrays["special_null"][i]
+        solution = Solution(
+            coefficients=arrays["special_coefficients"][i],
+            amplitudes=arrays["special_amplitudes"][i],
+            parameters=entry["parameters"],
+            statistics=entry["statistics"],
+            output_names=output_names,
+            periods=periods,
+        )
+        points.append(
+            SpecialPoint(
+                kind=Kind[entry["kind"]],
+                value=entry["value"],
+                bracket=(entry["bracket"][0], entry["bracket"][1]),
+                index=entry["index"],
+                refined=entry["refined"],
+                solution=solution,
+                null=None if np.all(np.isnan(null)) else null,
+                multiplier=None if entry["multiplier"] is None else complex(*entry["multiplier"]),
+                sensitivity=entry["sensitivity"],
+            )
+        )
+    return tuple(points)
+
+
+def _metadata(point: SpecialPoint) -> dict[str, Any]:
+    return {
+        "kind": point.kind.name,
+        "value": point.value,
+        "bracket": list(point.bracket),
+        "index": point.index,
+        "refined": point.refined,
+        "parameters": dict(point.solution.parameters),
+        "statistics": dict(point.solution.statistics),
+        "multiplier": None if point.multiplier is None else [point.multiplier.real, point.multiplier.imag],
+        "sensitivity": dict(point.sensitivity),
+    }

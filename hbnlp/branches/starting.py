@@ -1,0 +1,181 @@
+"""How a trace begins: at a cold start, at a solution, or at the end of a branch that is resumed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import Branch
+from hbnlp.continuation.curve import TINY, relative_residual
+from hbnlp.continuation.point import Point, start_point
+from hbnlp.core.types import Array
+from hbnlp.solutions.cold_start import linear_guess
+from hbnlp.solutions.equations import Equations, along_load, along_parameter
+from hbnlp.solutions.solution import Solution, guess_for
+from hbnlp.solutions.solving import solve
+from hbnlp.stability.multipliers import Floquet
+
+RESUMABLE_RESIDUAL = 1e-6
+SOLVED = 1e-9
+"""A start whose residual is below this part of its terms is a solution, also at a fold, where Newton's method fails."""
+
+Span = tuple[float, float]
+
+
+class Start(NamedTuple):
+    """Where a trace begins: its curve, the first point with its tangent, and where the whole branch began.
+
+    ``step`` is the length to try first, None for that of the options.
+    """
+
+    curve: Equations
+    point: Point
+    origin: Point
+    step: float | None = None
+
+
+def fresh_start(
+    problem: HarmonicBalance,
+    name: str,
+    span: Span,
+    *,
+    at: Mapping[str, float] | None,
+    start: Solution | ArrayLike | None,
+    direction: int,
+    away_from: Solution | None,
+) -> Start:
+    """Return the start at a solution, which is solved for where there is none, towards the side that was asked for."""
+    curve, first = _first(problem, name, span, at, start)
+    heading = direction * np.sign(span[1] - span[0]) * curve.unknowns.fixing_last()
+    if away_from is not None:
+        heading = first - curve.point(_coefficients(curve.problem, away_from), away_from.parameters[name])
+    point = start_point(curve, first, heading)
+    return Start(curve, point, point)
+
+
+def resumed_start(
+    problem: HarmonicBalance,
+    name: str,
+    span: Span,
+    branch: Branch,
+    *,
+    at: Mapping[str, float] | None,
+    stability: Floquet | None,
+) -> Start:
+    """Return the start at the last point of a branch, on its way.
+
+    Raises
+    ------
+    ValueError
+        If the branch is not of this problem, parameter, or stability.
+    """
+    _check_resumable(problem, name, at, branch, stability)
+    last = branch.solution(len(branch) - 1)
+    curve = along_parameter(problem, problem.values(last.parameters), name, span=span)
+    residual = relative_residual(curve, curve.point(last.coefficients, last.parameters[name]))
+    if residual > RESUMABLE_RESIDUAL:
+        raise ValueError(
+            f"the last point of the branch has the residual {residual:.1e} in this system, more than "
+            f"{RESUMABLE_RESIDUAL:.0e}: give the system that the branch was traced with"
+        )
+    curve, first = _first(problem, name, span, branch.parameters, last)
+    points = [curve.point(branch.coefficients[i], branch.parameter[i]) for i in range(len(branch))]
+    if len(points) == 1:
+        point = start_point(curve, first, np.sign(span[1] - span[0]) * curve.unknowns.fixing_last())
+        return Start(curve, point, point)
+    return Start(
+        curve,
+        start_point(curve, first, first - points[-2]),
+        start_point(curve, points[0], points[1] - points[0]),
+        float(branch.arclength[-1] - branch.arclength[-2]),
+    )
+
+
+def _first(
+    problem: HarmonicBalance,
+    name: str,
+    span: Span,
+    at: Mapping[str, float] | None,
+    start: Solution | ArrayLike | None,
+) -> tuple[Equations, Array]:
+    """Return the curve and its first point, which is solved for unless it is a solution already."""
+    given = dict(at or {})
+    if isinstance(start, Solution):
+        given = {**start.parameters, **given}
+    given.setdefault(name, span[0])
+    low, high = sorted(span)
+    if not low <= given[name] <= high:
+        raise ValueError(f"the start has {name} = {given[name]:g}, outside the span {span}")
+    values = problem.values(given)
+    x = guess_for(problem, start) if isinstance(start, Solution) else None
+    if x is None or not _is_solution(problem, x, values):
+        found = solve(problem, at=given, guess=start)
+        assert found.problem is not None
+        problem, x = found.problem, found.coefficients.ravel()
+    curve = along_parameter(problem, values, name, span=span, floor=_smallest_solution(problem, values, name, span, x))
+    return curve, curve.unknowns.joined(x, [given[name]])
+
+
+def _is_solution(problem: HarmonicBalance, x: Array, values: Array) -> bool:
+    curve = along_load(problem, values)
+    solved = relative_residual(curve, curve.unknowns.joined(x, [1.0])) <= SOLVED
+    return solved and problem.samples_suffice(x, values)
+
+
+def _coefficients(problem: HarmonicBalance, solution: Solution) -> Array:
+    return guess_for(problem, solution).reshape(problem.shape)
+
+
+def _smallest_solution(problem: HarmonicBalance, values: Array, name: str, span: Span, first: Array) -> float:
+    """Return the size below which changes are not measured relative to the solution: a trace may begin at rest."""
+    middle = values.copy()
+    middle[problem.system.parameters.index(name)] = np.mean(span)
+    size = max(float(np.linalg.norm(first)), float(np.linalg.norm(linear_guess(problem, middle))))
+    return max(1e-6 * size, TINY) if size > 0.0 else 1.0
+
+
+def checked_span(problem: HarmonicBalance, name: str, span: Span) -> Span:
+    """Return a span as two numbers, or raise an error that says what is wrong with it."""
+    problem.system.parameters.index(name)
+    wrong = f"span = {span!r}; two finite values of {name} are needed, where to begin and where to end"
+    try:
+        begin, end = (float(value) for value in span)
+    except (TypeError, ValueError):
+        raise ValueError(wrong) from None
+    if not (np.isfinite(begin) and np.isfinite(end)):
+        raise ValueError(wrong)
+    if begin == end:
+        raise ValueError(f"span = {span!r} has no length; give two different values of {name}")
+    if name == "omega" and min(begin, end) <= 0.0:
+        raise ValueError(
+            f"span = {span!r} reaches omega = 0, where the period is infinite; begin above, for instance at 1e-3"
+        )
+    return begin, end
+
+
+def _check_resumable(
+    problem: HarmonicBalance, name: str, at: Mapping[str, float] | None, branch: Branch, stability: Floquet | None
+) -> None:
+    if (branch.multipliers is None) != (stability is None):
+        how, give = ("without", "stability=None") if branch.multipliers is None else ("with", "stability=Floquet()")
+        raise ValueError(f"the branch was traced {how} multipliers: resume it with {give}, or trace it anew")
+    if branch.name != name:
+        raise ValueError(f"the branch was traced in {branch.name!r}, not in {name!r}; resume it in the same parameter")
+    shape = branch.coefficients.shape[1:]
+    if shape != problem.shape or branch.periods != problem.periods:
+        raise ValueError(
+            f"the branch has coefficients of shape {shape} and {branch.periods} period(s), the problem "
+            f"{problem.shape} and "
+            f"{problem.periods}: give a problem of the same system and harmonics"
+        )
+    if branch.parameter_names != problem.system.parameters.names:
+        raise ValueError(
+            f"the branch has parameters {branch.parameter_names}, the system {problem.system.parameters.names}"
+        )
+    for key, value in (at or {}).items():
+        if key != name and branch.parameters.get(key) != value:
+            raise ValueError(f"parameter {key!r} is {value!r} here but {branch.parameters.get(key)!r} on the branch")

@@ -1,0 +1,79 @@
+"""A curve R(y) = 0, one more unknown than equations, and the linear algebra at one of its points."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import lapack
+
+from hbnlp.core.types import Array
+
+TINY = float(np.finfo(float).tiny)
+"""Divisors are at least this."""
+
+
+class Curve(Protocol):
+    """Equations R(y) = 0, ``size`` of them, in y of one entry more; the last entry is the continuation parameter."""
+
+    size: int
+
+    def residual(self, y: Array) -> Array:
+        """Return R(y), (size,)."""
+        ...
+
+    def jacobian(self, y: Array, out: Array) -> None:
+        """Write dR/dy into an array (size, size + 1) of zeros."""
+        ...
+
+    def scale(self, y: Array) -> Array:
+        """Return the sizes (size + 1,) by which changes of y are measured."""
+        ...
+
+    def term_size(self, y: Array) -> float:
+        """Return the size of the terms whose sum is R."""
+        ...
+
+
+class Bordered:
+    """LU factors of a square matrix [jacobian; row]; what is given is overwritten."""
+
+    def __init__(self, matrix: Array) -> None:
+        # LAPACK sees the transpose of an array stored by rows; the solves below undo that without a copy
+        self._lu, self._pivots, info = lapack.dgetrf(matrix.T, overwrite_a=True)
+        self.singular = bool(info > 0) or not np.isfinite(self._lu[-1, -1])
+
+    @classmethod
+    def at(cls, curve: Curve, y: Array, row: Array) -> Bordered:
+        """Return the factors of [dR/dy; row] at a point of a curve."""
+        matrix = np.zeros((y.size, y.size))
+        curve.jacobian(y, matrix[:-1])
+        matrix[-1] = row
+        return cls(matrix)
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for the right side (size,) or (size, k)."""
+        return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0])
+
+    def solve_transposed(self, right: Array) -> Array:
+        """Return the solution of the transposed system."""
+        return np.asarray(lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0])
+
+    def determinant(self) -> tuple[float, float]:
+        """Return sign and logarithm of the modulus of the determinant."""
+        diagonal = self._lu.diagonal()
+        swaps = np.count_nonzero(self._pivots != np.arange(self._pivots.size))
+        negative = np.count_nonzero(diagonal < 0.0) + swaps
+        with np.errstate(divide="ignore"):
+            return (-1.0 if negative % 2 else 1.0), float(np.log(np.abs(diagonal)).sum())
+
+
+def relative_residual(curve: Curve, y: Array, *, least: float = 0.0) -> float:
+    """Return the largest entry of R(y) relative to the size of its terms, which is taken to be at least ``least``."""
+    terms = max(curve.term_size(y), least, TINY)
+    return float(np.max(np.abs(curve.residual(y)), initial=0.0)) / terms
+
+
+def null_vector(matrix: Array) -> Array:
+    """Return the unit vector that a matrix (m, n), m <= n, shrinks most: its null vector where it has one."""
+    return np.asarray(np.linalg.svd(matrix)[2][-1])

@@ -1,0 +1,87 @@
+"""A converged point of a curve with its tangent, and how one is made: at a start, or from a neighbour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hbnlp.continuation.branch_points import BranchPoint
+from hbnlp.continuation.curve import Bordered, Curve, null_vector, relative_residual
+from hbnlp.continuation.newton import Newton, correct
+from hbnlp.core.types import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A converged point of a curve, with its unit tangent in the metric ``scale`` and what the factors tell."""
+
+    y: Array
+    tangent: Array
+    scale: Array
+    orientation: float
+    log_determinant: float
+    residual: float
+    iterations: int = 0
+    factorisations: int = 0
+    arclength: float = 0.0
+    branch_point: BranchPoint | None = None
+    factors: Bordered | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def parameter(self) -> float:
+        """Value of the continuation parameter."""
+        return float(self.y[-1])
+
+
+def start_point(curve: Curve, y: Array, toward: Array) -> Point:
+    """Return a converged y as a point whose tangent makes an acute angle with ``toward``."""
+    scale = curve.scale(y)
+    jacobian = np.zeros((y.size - 1, y.size))
+    curve.jacobian(y, jacobian)
+    # the null vector of [R_x, R_lambda], also at a fold, where R_x alone is singular
+    tangent = null_vector(jacobian * scale) * scale
+    along = float((tangent / scale) @ (toward / scale))
+    tangent *= (np.sign(along) or 1.0) / np.linalg.norm(tangent / scale)
+    factors = Bordered(np.vstack([jacobian, tangent / scale**2]))
+    orientation, log_determinant = factors.determinant()
+    return Point(
+        y=y,
+        tangent=tangent,
+        scale=scale,
+        orientation=orientation,
+        log_determinant=log_determinant,
+        residual=relative_residual(curve, y),
+        factors=factors,
+    )
+
+
+def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton) -> Point | None:
+    """Return the corrected point with its tangent, turned the way of ``base``, or None if Newton's method failed."""
+    near = (base.factors, base.tangent) if base.factors is not None else None
+    correction = correct(curve, guess, row, options, near)
+    if not correction.converged:
+        return None
+    y = correction.y
+    scale = curve.scale(y)
+    factors = Bordered.at(curve, y, base.tangent / base.scale**2)
+    if factors.singular:
+        return None
+    unit = np.zeros(y.size)
+    unit[-1] = 1.0
+    tangent = factors.solve(unit)
+    length = float(np.linalg.norm(tangent / scale))
+    sign, log_determinant = factors.determinant()
+    # det [J; t^T/s^2] from det [J; border]: both rows see the null vector t of J, t.t/s^2 = 1 and border . t = 1 /
+    # length
+    return Point(
+        y=y,
+        tangent=tangent / length,
+        scale=scale,
+        orientation=sign,
+        log_determinant=log_determinant + float(np.log(length)),
+        residual=correction.residual,
+        iterations=correction.iterations,
+        factorisations=correction.factorisations + 1,
+        factors=factors,
+    )

@@ -1,0 +1,131 @@
+"""The one driver of long work: callbacks, Ctrl-C, errors; nothing that was computed is lost by any of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sized
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
+
+from hbnlp.core.callbacks import Callbacks, Progress, StopTracing
+from hbnlp.core.errors import TaskError
+from hbnlp.core.interrupts import guarded
+
+logger = logging.getLogger(__name__)
+
+Result = TypeVar("Result", bound=Sized)
+
+
+class Report(NamedTuple):
+    """What a task says after each of its steps: `value`, `fraction` and `counts` of a `Progress`."""
+
+    value: float
+    fraction: float
+    counts: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a task ended, in words that a record can carry; ``error`` is what ended it, if that was an error."""
+
+    words: str
+    error: Exception | None = None
+
+    def __str__(self) -> str:
+        return self.words
+
+    def after(self, done: str) -> str:
+        """Return the sentence for a task that ended after a part of its work, such as "3 of 9 values"."""
+        if self.error is not None:
+            return f"{type(self.error).__name__} after {done}: {self.error}"
+        return self.words if self is UNDER_WAY else f"{self.words} after {done}"
+
+
+UNDER_WAY = Ending("under way")
+COMPLETE = Ending("complete")
+INTERRUPTED = Ending("interrupted")
+STOPPED = Ending("stopped by a callback")
+
+
+class Observers:
+    """The callbacks of one task.
+
+    Parameters
+    ----------
+    callbacks : sequence of callables
+    task, name : str
+        As in `Progress`.
+    """
+
+    def __init__(self, callbacks: Callbacks, task: str, name: str) -> None:
+        self._callbacks = callbacks
+        self._last = Progress(
+            task=task, name=name, value=float("nan"), fraction=0.0, counts={}, done=False, result=lambda: None
+        )
+
+    def tell(self, report: Report, result: Callable[[], Any]) -> None:
+        """Call all callbacks; what one of them raises, StopTracing above all, ends the task."""
+        if self._callbacks:
+            value, fraction, counts = report
+            self._last = dataclasses.replace(
+                self._last, value=float(value), fraction=fraction, counts=counts, result=result
+            )
+            for callback in self._callbacks:
+                callback(self._last)
+
+    def finish(self, result: Any) -> None:
+        """Call all callbacks for the last time; the task has ended, and what they raise is logged."""
+        last = dataclasses.replace(self._last, done=True, result=lambda: result)
+        for callback in self._callbacks:
+            try:
+                callback(last)
+            except StopTracing:
+                continue
+            except Exception:
+                logger.exception("a callback failed after the end of %s", last.task)
+
+
+def drive(
+    task: str, work: Iterable[Report], result: Callable[[Ending], Result], *, name: str, callbacks: Callbacks
+) -> Result:
+    """Do the work step by step, tell the callbacks of each, and return the result, however it ends.
+
+    Parameters
+    ----------
+    task, name : str
+        As in `Progress`.
+    work : iterable of Report
+        Each step is done with `interrupts_kept`.
+    result : callable
+        Makes the record of what there is, from the word for how it ended (`UNDER_WAY` for a callback that asks). Its
+        length is the first of the counts that the task reports.
+    callbacks : sequence of callables
+
+    Raises
+    ------
+    TaskError
+        If an error ends it; ``result`` is the record, the cause is the error. An error before the first step is over
+        is raised as it is: there is nothing to keep.
+    """
+    observers = Observers(callbacks, task, name)
+    ending, report = COMPLETE, None
+    try:
+        for report in guarded(work):
+            observers.tell(report, lambda: result(UNDER_WAY))
+    except KeyboardInterrupt:
+        ending = INTERRUPTED
+    except StopTracing:
+        ending = STOPPED
+    except Exception as error:
+        if report is None:
+            raise
+        partial = result(Ending(f"{type(error).__name__}: {error}", error))
+        observers.finish(partial)
+        raise TaskError(task, partial, error) from error
+    record = result(ending)
+    observers.finish(record)
+    if ending is not COMPLETE:
+        what = next(iter(report.counts)) if report is not None else "steps"
+        logger.warning("%s was %s after %d %s. %s", task, ending, len(record), what, getattr(record, "message", ""))
+    return record

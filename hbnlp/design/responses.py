@@ -1,0 +1,134 @@
+"""Periodic solutions and folds as parts of a program: their unknowns, their equations, and where they begin.
+
+A fold stays one while the design varies, by ``R_x v = 0, v.v = 1`` in the further unknowns v and lambda (Moore and
+Spence 1980, doi:10.1137/0717048).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import final
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.continuation.curve import TINY
+from hbnlp.core.kinds import Kind
+from hbnlp.core.types import Array
+from hbnlp.design.variables import Variables
+from hbnlp.solutions.solution import Solution
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Response:
+    """A periodic solution or a fold as part of a program, made by `response_at` or `fold_at`.
+
+    Call it with an expression of ``problem.x`` and ``problem.p`` for that expression here, such as
+    ``cruise(problem.amplitude_squared("C_L"))``.
+    """
+
+    problem: HarmonicBalance
+    x: ca.MX
+    p: ca.MX
+    unknowns: ca.MX = field(repr=False)
+    equations: ca.MX = field(repr=False)
+    start: Array = field(repr=False)
+
+    def __call__(self, expression: ca.MX) -> ca.MX:
+        """Return an expression of the problem's symbols at this response."""
+        return ca.Function("here", [self.problem.x, self.problem.p], [expression])(self.x, self.p)
+
+    def parameter(self, name: str) -> ca.MX:
+        """Return a parameter here: a number, a variable, or the free parameter of a fold."""
+        return self.p[self.problem.system.parameters.index(name)]
+
+
+def response_at(
+    problem: HarmonicBalance, variables: Variables, start: Solution, *, at: Mapping[str, float] | None = None
+) -> Response:
+    """Return the response at the parameters of ``start``, but for ``at`` and the variables; it begins at ``start``.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    variables : Variables
+        Those of the program.
+    start : Solution
+        Coefficients to begin from, and the values of the parameters that are no variables.
+    at : mapping of names to values, optional
+        Values that override those of ``start``.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    KeyError, ValueError
+        For a name that is no parameter, or coefficients that do not fit the problem.
+    """
+    values, x0 = problem.values({**start.parameters, **(at or {})}), problem.vector(start.coefficients)
+    size, terms = _sizes(problem, x0, values)
+    xi, p = ca.MX.sym("x", problem.size), _parameters(problem, variables, values, {})
+    x = size * xi
+    return Response(problem=problem, x=x, p=p, unknowns=xi, equations=problem.residual(x, p) / terms, start=x0 / size)
+
+
+def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, name: str) -> Response:
+    """Return a fold in the parameter ``name``, which is free; it begins at ``fold``, one of ``branch.folds``.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    variables : Variables
+        Those of the program.
+    fold : SpecialPoint
+        A refined fold in ``name``.
+    name : str
+        The parameter whose value at the fold is an unknown of the program: ``response.parameter(name)``.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    ValueError
+        If ``fold`` is no refined fold, or ``name`` is a variable, too.
+    KeyError
+        For a name that is no parameter.
+    """
+    if fold.kind is not Kind.FOLD or fold.null is None:
+        raise ValueError(f"{fold!r} was given; a refined fold, one of branch.folds, is needed")
+    if name in variables.names:
+        raise ValueError(f"{name!r} is the free parameter of the fold; it cannot be a variable, too")
+    values, x0 = problem.values(fold.solution.parameters), problem.vector(fold.solution.coefficients)
+    (size, terms), unit, null = _sizes(problem, x0, values), abs(fold.value) or 1.0, problem.vector(fold.null)
+    xi, v, free, along = (ca.MX.sym(s, n) for s, n in (("x", x0.size), ("v", x0.size), ("free", 1), ("along", x0.size)))
+    x, p = size * xi, _parameters(problem, variables, values, {name: unit * free})
+    tangent = ca.Function("tangent", [problem.x, problem.p, along], [ca.jtimes(problem.g, problem.x, along)])
+    equations = [problem.residual(x, p) / terms, tangent(x, p, v) * (size / terms), 0.5 * (ca.sumsqr(v) - 1.0)]
+    return Response(
+        problem=problem,
+        x=x,
+        p=p,
+        unknowns=ca.vertcat(xi, v, free),
+        equations=ca.vertcat(*equations),
+        start=np.concatenate([x0 / size, null / np.linalg.norm(null), [fold.value / unit]]),
+    )
+
+
+def _sizes(problem: HarmonicBalance, x: Array, values: Array) -> tuple[float, float]:
+    """Return the sizes of the unknowns and of the residual's terms."""
+    return max(float(np.linalg.norm(x)), TINY), max(problem.assembly.term_size(x, values), TINY)
+
+
+def _parameters(problem: HarmonicBalance, variables: Variables, values: Array, free: Mapping[str, ca.MX]) -> ca.MX:
+    entries = [ca.MX(float(value)) for value in values]
+    for name, symbol in {**{name: variables[name] for name in variables.names}, **free}.items():
+        entries[problem.system.parameters.index(name)] = symbol
+    return ca.vertcat(*entries)

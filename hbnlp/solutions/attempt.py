@@ -1,0 +1,85 @@
+"""What a method makes of a guess: Newton's method, CasADi's rootfinder or IPOPT, with enough samples of the force."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.continuation.curve import relative_residual
+from hbnlp.continuation.newton import LARGEST_RESIDUAL, Correction, Newton, correct
+from hbnlp.core.kinds import Status
+from hbnlp.core.types import Array
+from hbnlp.solutions.equations import along_load
+from hbnlp.solutions.ipopt import Ipopt, minimise
+from hbnlp.solutions.rootfinder import Rootfinder
+from hbnlp.solutions.solution import Solution, make_solution
+
+Method = Newton | Ipopt | Rootfinder
+
+
+def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Method, *, start: str) -> Solution:
+    """Return what the method makes of a guess, with enough samples of the force; ``start`` says where it is from."""
+    correction = iterate(problem, guess, values, method)
+    while correction.converged and not problem.samples_suffice(correction.y, values):
+        problem = problem.oversampled()
+        correction = iterate(problem, correction.y, values, method)
+    statistics: dict[str, float | str] = {
+        "start": start,
+        "method": type(method).__name__,
+        "iterations": correction.iterations,
+        "residual": correction.residual,
+    }
+    if correction.reason:
+        statistics["reason"] = correction.reason
+    status = Status.CONVERGED if correction.converged else Status.NOT_CONVERGED
+    return make_solution(problem, correction.y, values, status=status, statistics=statistics)
+
+
+def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Method) -> Correction:
+    """Return what the method makes of a guess; ``y`` holds the unknowns alone."""
+    if isinstance(method, Newton):
+        return _by_newton(problem, guess, values, method)
+    if isinstance(method, Ipopt):
+        found = minimise(problem, 0.0, guess, values, method=method)
+        return _judged(found.x, found.residual, success=found.success, status=found.status, iterations=found.iterations)
+    return _by_rootfinder(problem, guess, values, method)
+
+
+def _by_newton(problem: HarmonicBalance, guess: Array, values: Array, method: Newton) -> Correction:
+    curve = along_load(problem, values)
+    start = curve.unknowns.joined(guess, [1.0])
+    with np.errstate(all="ignore"):  # what is not finite ends the iteration
+        found = correct(curve, start, curve.unknowns.fixing_last(), method)
+    return dataclasses.replace(found, y=curve.unknowns.coefficients(found.y))
+
+
+def _by_rootfinder(problem: HarmonicBalance, guess: Array, values: Array, method: Rootfinder) -> Correction:
+    solver, curve = method.solver(problem), along_load(problem, values)
+    x = solver(guess, values).full().ravel()
+    statistics = solver.stats()
+    with np.errstate(all="ignore"):
+        residual = relative_residual(curve, curve.unknowns.joined(x, [1.0]))
+    return _judged(
+        x,
+        residual,
+        success=bool(statistics["success"]),
+        status=str(statistics.get("return_status", "the rootfinder failed")),
+        iterations=int(statistics.get("iter_count", 0)),
+    )
+
+
+def _judged(x: Array, residual: float, *, success: bool, status: str, iterations: int) -> Correction:
+    """Return the verdict on what a foreign solver found, by its own word and by the residual."""
+    converged = success and residual < LARGEST_RESIDUAL
+    reason = f"the residual is {residual:.1e} of its terms" if success else status
+    return Correction(
+        y=x,
+        converged=converged,
+        iterations=iterations,
+        factorisations=iterations,
+        error=np.nan,
+        residual=residual,
+        reason="" if converged else reason,
+    )

@@ -1,0 +1,82 @@
+"""Conditions that rows added to the balance express, each with the unknowns that it brings along."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from hbnlp.balance.assembly import Assembly
+from hbnlp.core.types import Array
+
+
+class At(NamedTuple):
+    """Where a condition is evaluated: numbers of the balance, its unknowns and parameters, the condition's unknowns."""
+
+    assembly: Assembly
+    x: Array
+    values: Array
+    added: Array
+
+
+class Condition(Protocol):
+    """Rows below the balance: as many as the unknowns that it adds, and one for each further free scalar."""
+
+    def n_added(self, size: int) -> int:
+        """Return how many unknowns it adds to a balance of ``size`` equations."""
+        ...
+
+    def n_rows(self, size: int) -> int:
+        """Return how many rows it adds."""
+        ...
+
+    def residual(self, at: At) -> Array:
+        """Return the rows (n_rows,)."""
+        ...
+
+    def jacobian(self, at: At, balance: Array, out: Array, parameters: tuple[int | None, ...]) -> None:
+        """Write their derivative by all unknowns into zeros ``out`` (n_rows, n).
+
+        ``balance`` is R_x, and ``parameters`` are the indices of the free scalars (None: the factor on the excitation).
+        """
+        ...
+
+    def term_size(self, at: At) -> float:
+        """Return the size of the terms whose sums the rows are."""
+        ...
+
+
+class NullVector:
+    """The condition of a fold, ``R_x v = 0, v.v = 1``, with the null vector v among the unknowns.
+
+    References
+    ----------
+    Moore, Spence (1980), SIAM J. Numer. Anal. 17, 567-576, doi:10.1137/0717048.
+    """
+
+    def n_added(self, size: int) -> int:
+        """Return the size of v."""
+        return size
+
+    def n_rows(self, size: int) -> int:
+        """Return that of ``R_x v``, and one."""
+        return size + 1
+
+    def residual(self, at: At) -> Array:
+        """Return ``(R_x v, (v.v - 1) / 2)``."""
+        v = at.added
+        return np.append(at.assembly.jacobian(at.x, at.values) @ v, 0.5 * (v @ v - 1.0))
+
+    def jacobian(self, at: At, balance: Array, out: Array, parameters: tuple[int | None, ...]) -> None:
+        """Write ``R_xx v`` by x, R_x and v by v, ``R_xp v`` by the parameters; the excitation has no part in R_x."""
+        n, v = at.x.size, at.added
+        out[:-1, :n] = at.assembly.jacobian_along(at.x, at.values, v)
+        out[:-1, n : 2 * n] = balance
+        out[-1, n : 2 * n] = v
+        for column, index in enumerate(parameters, start=2 * n):
+            if index is not None:
+                out[:-1, column] = at.assembly.jacobian_along(at.x, at.values, None, index) @ v
+
+    def term_size(self, at: At) -> float:
+        """Return the largest sum of the moduli in ``R_x v``."""
+        return float((np.abs(at.assembly.jacobian(at.x, at.values)) @ np.abs(at.added)).max())

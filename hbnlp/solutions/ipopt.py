@@ -1,0 +1,171 @@
+"""The one way to minimise over periodic solutions with IPOPT, some of the parameters free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.continuation.curve import TINY, relative_residual
+from hbnlp.core.types import Array
+from hbnlp.solutions.equations import along_load
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ipopt:
+    """IPOPT with exact first and second derivatives: slower than Newton's method, and content with worse guesses.
+
+    Parameters
+    ----------
+    tol : float
+        Its convergence tolerance, on scaled optimality and feasibility.
+    max_iterations : int
+
+    References
+    ----------
+    Waechter, Biegler (2006), Math. Program. 106, 25-57, doi:10.1007/s10107-004-0559-y.
+    """
+
+    tol: float = 1e-12
+    max_iterations: int = 500
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tol < 1e-2:
+            raise ValueError(f"tol = {self.tol!r}; a tolerance between 0 and 0.01 is needed")
+        if self.max_iterations < 1:
+            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+
+    def options(self) -> dict[str, object]:
+        """Return the options of CasADi's ``nlpsol``."""
+        return {
+            "print_time": False,
+            "show_eval_warnings": False,
+            "error_on_fail": False,
+            "ipopt": {
+                "tol": self.tol,
+                "constr_viol_tol": self.tol,
+                "acceptable_iter": 0,
+                "max_iter": self.max_iterations,
+                "print_level": 0,
+                "sb": "yes",
+                "mu_strategy": "adaptive",
+                "nlp_scaling_method": "gradient-based",
+            },
+        }
+
+
+class FreeParameters:
+    """A balance with some of its parameters among the decision variables.
+
+    Attributes
+    ----------
+    unknowns : casadi.MX
+        Those of the balance, then the free parameters.
+    """
+
+    def __init__(self, problem: HarmonicBalance, names: Sequence[str]) -> None:
+        self._problem = problem
+        free = ca.MX.sym("free", len(names))
+        symbols = [problem.p[i] for i in range(problem.p.numel())]
+        for i, name in enumerate(names):
+            symbols[problem.system.parameters.index(name)] = free[i]
+        self._p = ca.vertcat(*symbols)
+        self.unknowns = ca.vertcat(problem.x, free)
+
+    def __call__(self, expression: ca.MX) -> ca.MX:
+        """Return an expression of ``problem.x`` and ``problem.p`` as one of `unknowns` and ``problem.p``."""
+        return ca.substitute(expression, self._problem.p, self._p)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Minimum:
+    """What IPOPT made of a program over one solution.
+
+    Attributes
+    ----------
+    x : array (n (2H+1),)
+        The solution.
+    values : array
+        All parameters, the free ones as found.
+    multipliers : array (n (2H+1),)
+        Those of the balance.
+    residual : float
+        Of the balance, relative to its terms.
+    success : bool
+    status : str
+        IPOPT's word for how it ended.
+    iterations : int
+    """
+
+    x: Array
+    values: Array
+    multipliers: Array
+    residual: float
+    success: bool
+    status: str
+    iterations: int
+
+
+def minimise(
+    problem: HarmonicBalance,
+    objective: ca.MX | float,
+    x: Array,
+    values: Array,
+    *,
+    free: Sequence[str] = (),
+    method: Ipopt,
+    bounds: Sequence[tuple[float, float]] | None = None,
+) -> Minimum:
+    """Return the solution that minimises an objective: ``min f(x, p)  s.t.  R(x, p) = 0``, some entries of p free.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+    objective : casadi.MX
+        An expression of ``problem.x`` and ``problem.p``, best of order one.
+    x, values : array
+        Where to begin: unknowns, and all parameters in order.
+    free : sequence of str
+        The free parameters; none of them: a solution is found, and the objective does not matter.
+    method : Ipopt
+    bounds : sequence of (lower, upper), optional
+        Of the free parameters.
+    """
+    substituted = FreeParameters(problem, free)
+    places = [problem.system.parameters.index(name) for name in free]
+    terms = max(problem.assembly.term_size(x, values), TINY)
+    program = {
+        "x": substituted.unknowns,
+        "p": problem.p,
+        "f": substituted(ca.MX(objective)),
+        "g": substituted(problem.g) / (terms if np.isfinite(terms) else 1.0),
+    }
+    low, high = np.array(bounds if bounds is not None else [(-np.inf, np.inf)] * len(free)).reshape(-1, 2).T
+    unbounded = np.full(problem.size, np.inf)
+    solver = ca.nlpsol("solver", "ipopt", program, method.options())
+    answer = solver(
+        x0=np.append(x, values[places]),
+        p=values,
+        lbx=np.append(-unbounded, low),
+        ubx=np.append(unbounded, high),
+        lbg=0.0,
+        ubg=0.0,
+    )
+    found, statistics = answer["x"].full().ravel(), solver.stats()
+    there = values.copy()
+    there[places] = found[problem.size :]
+    curve = along_load(problem, there)
+    with np.errstate(all="ignore"):
+        residual = relative_residual(curve, curve.unknowns.joined(found[: problem.size], [1.0]))
+    return Minimum(
+        x=found[: problem.size],
+        values=there,
+        multipliers=answer["lam_g"].full().ravel(),
+        residual=residual,
+        success=bool(statistics["success"]),
+        status=str(statistics["return_status"]),
+        iterations=int(statistics["iter_count"]),
+    )

@@ -1,0 +1,43 @@
+"""CasADi's rootfinder on the symbolic residual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from hbnlp.balance.problem import HarmonicBalance
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rootfinder:
+    """CasADi's ``rootfinder`` on the symbolic residual.
+
+    Parameters
+    ----------
+    plugin : str
+        "newton", "fast_newton" or "kinsol".
+    tol : float
+        Absolute tolerance on the residual.
+    max_iterations : int
+    """
+
+    plugin: str = "newton"
+    tol: float = 1e-12
+    max_iterations: int = 100
+
+    def __post_init__(self) -> None:
+        known = ("newton", "fast_newton", "kinsol")
+        if self.plugin not in known:
+            raise ValueError(f"plugin = {self.plugin!r}; one of {', '.join(known)} is needed")
+        if not 0.0 < self.tol < 1e-2:
+            raise ValueError(f"tol = {self.tol!r}; a tolerance between 0 and 0.01 is needed")
+        if self.max_iterations < 1:
+            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+
+    def solver(self, problem: HarmonicBalance) -> ca.Function:
+        """Return the compiled rootfinder (x, p) -> x."""
+        options: dict[str, object] = {"error_on_fail": False, "show_eval_warnings": False, "abstol": self.tol}
+        if self.plugin != "fast_newton":
+            options |= {"linear_solver": "lapacklu", "max_iter": self.max_iterations}
+        return ca.rootfinder("solver", self.plugin, problem.residual, options)

@@ -1,0 +1,28 @@
+"""When a change from one value to the next is looked at as a jump.
+
+The proof that it is one is the way back: a jump is a change that it does not undo.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbnlp.continuation.curve import TINY
+from hbnlp.core.types import Array, ComplexArray
+
+SUSPICIOUS = 0.02
+"""A relative change of the response from value to value that calls for the proof."""
+SUDDEN = 5.0
+"""A change this many times the last one calls for it, too, if it is above `VISIBLE`."""
+VISIBLE = 1e-3
+
+
+def relative_change(before: Array | ComplexArray, after: Array | ComplexArray) -> float:
+    """Return the change of coefficients or amplitudes, relative to the larger of the two."""
+    size = max(float(np.linalg.norm(before)), float(np.linalg.norm(after)), TINY)
+    return float(np.linalg.norm(after - before)) / size
+
+
+def is_suspicious(change: float, last_change: float) -> bool:
+    """Return whether a change, after the last one, may be a jump."""
+    return change > SUSPICIOUS or change > max(VISIBLE, SUDDEN * last_change)
