@@ -248,3 +248,14 @@ def test_options_are_by_keyword_and_unknown_ones_are_refused():
         Newton(1e-8)
     with pytest.raises(TypeError, match="tolerance"):
         Newton(tolerance=1e-8)
+
+
+def test_a_solution_of_one_period_starts_a_problem_of_two():
+    one = HarmonicBalance(duffing(), 3)
+    two = HarmonicBalance(duffing(), 6, periods=2)
+    solution = solve(one, at={"omega": 1.1})
+    again = solve(two, at={"omega": 1.1}, guess=solution)
+    assert again.statistics["iterations"] <= 2
+    np.testing.assert_allclose(again.coefficients[:, 3:5], solution.coefficients[:, 1:3], atol=1e-12)
+    with pytest.raises(ValueError, match=r"2 period\(s\) and the problem 1"):
+        solve(one, at={"omega": 1.1}, guess=again)
