@@ -27,6 +27,7 @@ from hbnlp.core.errors import ConvergenceError
 
 TINY = MeshSettings(domain=30.0, plate=0.25, wake=2.0, growth=0.7, edge=1e-2)
 COARSE = MeshSettings(domain=60.0, plate=0.15, wake=1.0, growth=0.7, edge=1e-4)
+# Blasius and Messiter, as in test_flat_plate.py
 TRIPLE_DECK_DRAG = 2.0 * (1.328 * 100.0**-0.5 + 2.67 * 100.0 ** (-7.0 / 8.0))
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy_balance import CubicBalance
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.tracing import trace
@@ -11,6 +12,7 @@ from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain
 from hbnlp.testing import check_branch
 
+# with 7 harmonics, by tests/numpy_balance.py, as tested below
 CHAIN_FOLDS = [
     *(1.037698837, 1.080013925, 0.786500496, 1.076544718, 0.535510968, 1.295849021, 0.966704292, 1.264666301),
     *(0.907068227, 1.291487578, 0.940645927, 1.256394770, 1.068749937, 1.270584141, 0.333995527, 1.965667751),
@@ -47,6 +49,17 @@ def test_the_chain_has_its_sixteen_folds_in_order(chain_branch):
     assert chain_branch.end is End.SPAN_END
     assert all(fold.refined for fold in chain_branch.folds)
     np.testing.assert_allclose([fold.value for fold in chain_branch.folds], CHAIN_FOLDS, rtol=1e-9)
+
+
+def test_the_tabulated_folds_are_those_of_a_balance_in_numpy(chain_branch):
+    """From the folds that were traced, at a distance of some 1e-5."""
+    springs = 2 * np.eye(10) - np.eye(10, k=1) - np.eye(10, k=-1)
+    springs[-1, -1] = 1.0
+    cubic, load = np.full(10, 0.5), 0.1 * np.eye(10)[-1]
+    balance = CubicBalance(np.eye(10), 0.02 * springs, springs, np.eye(10), cubic, load, 7)
+    starts = [(fold.solution.coefficients.ravel() * (1 + 1e-5), fold.value) for fold in chain_branch.folds]
+    found = [balance.fold(x, omega, 1.0)[0] for x, omega in starts]
+    np.testing.assert_allclose(found, CHAIN_FOLDS, rtol=1e-9)
 
 
 def test_all_but_a_few_pairs_of_the_chains_branch_points_are_found(chain_branch):

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from numpy_balance import CubicBalance
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.tracing import trace
@@ -11,8 +12,9 @@ from hbnlp.systems import duffing
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch
 
-# x'' + 2 z x' + x + g x^3 = F cos(W t), KNOWN_VALUES, section 1: (z, g, F), and W of the fold that jumps up and of
-# the one that jumps down, with 3 harmonics and converged
+# x'' + 2 z x' + x + g x^3 = F cos(W t): (z, g, F), and W of the fold that jumps up and of the one that jumps down, with
+# 3 harmonics and converged in their number; by tests/numpy_balance.py, as tested below. The first set is example 1 of
+# NLvib (Krack and Gross 2019, doi:10.1007/978-3-030-14023-6).
 DUFFING = [
     ((0.025, 0.1, 0.18), (1.115700246882, 1.269600032145), (1.115700251771, 1.2696019555)),
     ((0.05, 1.0, 0.5), (1.438669909563, 2.211937689810), (1.438670145514, 2.211935317020)),
@@ -40,6 +42,18 @@ def test_duffing_folds_with_one_harmonic_are_the_closed_form(case):
     assert all(fold.refined for fold in branch.folds)
     found = [(fold.value, abs(fold.solution.harmonics("x")[1])) for fold in branch.folds]
     np.testing.assert_allclose(found, exact_folds(z, g, force), rtol=1e-10)
+
+
+@pytest.mark.parametrize(("case", "three", "converged"), DUFFING)
+def test_the_tabulated_folds_are_those_of_a_balance_in_numpy(case, three, converged):
+    z, g, force = case
+    for n_harmonics, (up, down), tol in ((3, three, 1e-11), (11, converged, 1e-10), (15, converged, 1e-10)):
+        balance = CubicBalance(1.0, 2 * z, 1.0, 1.0, g, 1.0, n_harmonics)
+        for exact, (omega, amplitude) in zip((down, up), exact_folds(z, g, force), strict=True):
+            answer = force / (1.0 - omega**2 + 0.75 * g * amplitude**2 + 2j * z * omega)
+            start = np.zeros(2 * n_harmonics + 1)
+            start[1:3] = answer.real, -answer.imag
+            assert balance.fold(start, omega, force)[0] == pytest.approx(exact, rel=tol)
 
 
 @pytest.mark.parametrize(("case", "three", "converged"), DUFFING)
