@@ -2,8 +2,8 @@
 
 At a branch point of ``R(y) = 0``, n equations in n + 1 unknowns, the Jacobian J has lost a rank: its kernel is a plane
 and a left null vector psi exists. Every plane through such a point is singular for a corrector, so that it cannot be
-approached by points of the branch. It is found as the regular solution (y, mu) of (Moore 1980,
-doi:10.1137/0717048)::
+approached by points of the branch. It is found as the regular solution (y, mu) of equations that are unfolded as by
+Moore [1]_, with g as by Griewank and Reddien [2]_::
 
     R(y) + mu w = 0,      g(y) = 0,      [ J    w ] [ Phi ]   [ 0 ]
                                          [ V^T  0 ] [  g  ] = [ I ]
@@ -11,6 +11,13 @@ doi:10.1137/0717048)::
 with w close to psi and the two columns of V close to the kernel: g, (2,), vanishes where J loses rank, and its
 derivative is ``-psi . R_yy Phi``. The unfolding mu vanishes if the branches really cross; two curves that only come
 close to one another give a mu that does not.
+
+References
+----------
+.. [1] G. Moore, "The numerical treatment of non-trivial bifurcation points", Numer. Funct. Anal. Optim. 2 (1980)
+   441-472.
+.. [2] A. Griewank, G. W. Reddien, "Characterization and computation of generalized turning points", SIAM J. Numer.
+   Anal. 21 (1984) 176-185.
 """
 
 from __future__ import annotations

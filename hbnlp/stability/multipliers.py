@@ -154,7 +154,7 @@ class FloquetEvaluator:
 
     References
     ----------
-    T. F. Fairgrieve, A. D. Jepson, O.K. Floquet multipliers, SIAM J. Numer. Anal. 28 (1991), doi:10.1137/0728076
+    T. F. Fairgrieve, A. D. Jepson, O.K. Floquet multipliers, SIAM J. Numer. Anal. 28 (1991), doi:10.1137/0728075
     """
 
     def __init__(self, system: System, periods: int, n_harmonics: int, options: Floquet | None = None) -> None:

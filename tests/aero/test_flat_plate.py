@@ -5,7 +5,7 @@ import pytest
 
 from hbnlp.aero.flat_plate import flat_plate_re100, flat_plate_re100_response
 
-# inviscid added mass, dCp_j = -M_jk W_k'' (sine modes, Kuessner-Schwarz); row, column of the response -> M
+# inviscid added mass, dCp_j = -M_jk W_k'', as test_thin_airfoil.py has it; row, column of the response -> M
 ADDED_MASS = {(1, 2): 1.709261, (2, 3): 0.718468, (3, 4): 0.471274}
 MASS_RATIO = 0.5
 
@@ -82,6 +82,8 @@ def test_the_raw_response_has_the_null_static_heave_of_theory(response):
 
 
 def test_the_drag_is_near_the_triple_deck(response):
+    # Blasius' plate on both sides, the triple deck at its end (A. F. Messiter, SIAM J. Appl. Math. 18 (1970) 241-257),
+    # its factor by D. A. Jobe, O. R. Burggraf, Proc. R. Soc. Lond. A 340 (1974) 91-111, and later work
     triple_deck = 2.0 * (1.328 * 100.0**-0.5 + 2.67 * 100.0 ** (-7.0 / 8.0))
     assert response.provenance["drag"] == pytest.approx(triple_deck, rel=0.02)
 

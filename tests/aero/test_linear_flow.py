@@ -27,6 +27,7 @@ from hbnlp.core.errors import ConvergenceError
 
 TINY = MeshSettings(domain=30.0, plate=0.25, wake=2.0, growth=0.7, edge=1e-2)
 COARSE = MeshSettings(domain=60.0, plate=0.15, wake=1.0, growth=0.7, edge=1e-4)
+# Blasius and Messiter, as in test_flat_plate.py
 TRIPLE_DECK_DRAG = 2.0 * (1.328 * 100.0**-0.5 + 2.67 * 100.0 ** (-7.0 / 8.0))
 
 
@@ -111,7 +112,8 @@ def test_half_and_whole_plane_agree(half, slit):
 def test_added_mass_is_near_the_inviscid_one(half):
     omega = 1000.0
     mass = -(half.transfer(1j * omega) / (1j * omega) ** 2).real
-    # KNOWN: M_11 = 1.709261 inviscid; Stokes layers add some 2 % at this frequency, the coarse mesh as much
+    # inviscid: M_11 = 1.709261, M_22 = .718468 (test_thin_airfoil.py); Stokes layers add some 2 % at this frequency,
+    # the coarse mesh as much
     assert mass[1, 2] == pytest.approx(1.709261, rel=0.06)
     assert mass[2, 3] == pytest.approx(0.718468, rel=0.08)
 

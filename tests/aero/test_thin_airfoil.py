@@ -1,4 +1,4 @@
-"""Inviscid thin airfoil with sine modes, held to KNOWN_VALUES section 5 and to direct quadrature."""
+"""Inviscid thin airfoil with sine modes, held to the loads of Kuessner and Schwarz by direct quadrature."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,12 @@ from hbnlp.aero.theodorsen import theodorsen_function, thin_airfoil_coefficients
 
 
 def by_quadrature(s, n_modes, n_nodes=400):
-    """Return G(s) from the defining integrals by the midpoint rule in theta, which is spectral for them."""
+    """Return G(s) from the defining integrals by the midpoint rule in theta, which is spectral for them.
+
+    H. G. Kuessner, L. Schwarz, Luftfahrtforschung 17 (1940) 337-354: with v = s y + dy/dx on x = (1 + cos th)/2,
+    P_n = (1/pi) int v cos(n th) dth and Theodorsen's C = K1/(K0 + K1) of s/2, a_0 = C (P_0 + P_1) - P_1,
+    a_n = P_n + (s/4n) (P_{n-1} - P_{n+1}), dCp = -4 a_0 tan(th/2) - 8 sum a_n sin(n th), C_L = -2 pi (a_0 + a_1).
+    """
     theta = (np.arange(n_nodes) + 0.5) * np.pi / n_nodes
     x = (1 + np.cos(theta)) / 2
     k = np.arange(1, n_modes + 1)
@@ -28,7 +33,7 @@ def by_quadrature(s, n_modes, n_nodes=400):
     return np.vstack([-2 * np.pi * (a0 + a[0]), np.pi / n_nodes * sines.T @ load])
 
 
-# --- known values
+# --- known values: the digits of `by_quadrature`, which uses nothing of the package
 
 
 @pytest.mark.parametrize(
@@ -53,6 +58,7 @@ def test_static_values(static):
 
 
 def test_added_masses():
+    # the quadratic part of `by_quadrature`, from a_n = (s/4n) (P_{n-1} - P_{n+1}) with P_n those of v = s sin(k pi x)
     mass = thin_airfoil(10).mass
     block = -mass[1:, 2:]
     np.testing.assert_allclose(
@@ -65,6 +71,7 @@ def test_added_masses():
     assert mass[0, 1] == pytest.approx(-np.pi / 2, rel=1e-14)
 
 
+# (k pi)^2 c_T W_k = dCp_k(W): the largest eigenvalue c_T with the static loads of `by_quadrature`
 @pytest.mark.parametrize(("n_modes", "tension"), [(1, 1.709261), (10, 1.726336)])
 def test_static_divergence_of_the_sail_equation(n_modes, tension):
     k = np.arange(1, n_modes + 1)
@@ -77,6 +84,8 @@ def test_static_divergence_tends_to_the_limit_of_many_modes():
     for n_modes in (10, 20, 40):
         k = np.arange(1, n_modes + 1)
         tensions.append(linalg.eigvals(thin_airfoil(n_modes).stiffness[1:, 2:], np.diag((k * np.pi) ** 2)).real.max())
+    # the limit, extrapolated from 80, 160 and 320 modes; the first eigenvalue of the sail equation is 4 / c_T = 2.316
+    # (B. Thwaites, Proc. R. Soc. Lond. A 261 (1961) 402-422)
     gaps = 1.727453 - np.array(tensions)
     # the leading-edge singularity makes it algebraic: fourth order would be 16, observed is near 4
     np.testing.assert_allclose(gaps[:-1] / gaps[1:], 4.0, rtol=0.15)
@@ -158,7 +167,7 @@ def test_jones_function_is_within_its_known_error_of_theodorsens():
 
 @pytest.mark.parametrize(("k", "f", "g"), [(0.1, 0.8319, 0.1723), (0.5, 0.5979, 0.1507), (1.0, 0.5394, 0.1003)])
 def test_theodorsen_function_is_the_published_table(k, f, g):
-    # Theodorsen, NACA 496, table I: C = F - i G of the reduced frequency per semi-chord
+    # T. Theodorsen, NACA report 496 (1935), table I: C = F - i G of the reduced frequency per semi-chord
     assert theodorsen_function(2j * k) == pytest.approx(f - 1j * g, abs=1.1e-4)
 
 

@@ -426,7 +426,7 @@ def test_a_system_without_outputs_has_none():
 
 # -- the program -------------------------------------------------------------------------------------------------------
 
-# x'' + .05 x' + x + .1 x^3 = .18 cos 1.2 t, H = 11: the smallest of three solutions (KNOWN_VALUES, section 1)
+# x'' + .05 x' + x + .1 x^3 = .18 cos 1.2 t, H = 11: the smallest of three solutions (test_solving.py)
 SMALLEST = 0.4175204536
 
 

@@ -21,7 +21,10 @@ from hbnlp.testing import check_branch
 
 
 def exact_peak(z, g, force):
-    """(W, A) of 3 z^2 g A^4 + 4 z^2 (1 - z^2) A^2 = F^2 and W^2 = 1 + 3/4 g A^2 - 2 z^2 (KNOWN_VALUES, section 1)."""
+    """(W, A) of 3 z^2 g A^4 + 4 z^2 (1 - z^2) A^2 = F^2 and W^2 = 1 + 3/4 g A^2 - 2 z^2.
+
+    There A is stationary by W^2 in the balance of one harmonic, ((1 - W^2 + 3/4 g A^2)^2 + 4 z^2 W^2) A^2 = F^2.
+    """
     a, b = 3 * z**2 * g, 4 * z**2 * (1 - z**2)
     square = 2 * force**2 / (b + np.sqrt(b**2 + 4 * a * force**2))
     return np.sqrt(1 + 0.75 * g * square - 2 * z**2), np.sqrt(square)

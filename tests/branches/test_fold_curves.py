@@ -3,6 +3,8 @@
 import casadi as ca
 import numpy as np
 import pytest
+from numpy_balance import absorber_balance
+from scipy.optimize import brentq, fsolve, minimize_scalar
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.fold_curves import FoldBranch
@@ -16,7 +18,7 @@ from hbnlp.systems import duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch
 
-# (z, g F^2 and W at the onset of hysteresis), one harmonic; KNOWN_VALUES, section 1
+# (z, g F^2 and W at the onset of hysteresis), one harmonic, as `exact_onset` has them
 CUSPS = [(0.05, 2.6609657849168e-3, 1.0903455353727), (0.025, 2.9218354053248e-4, 1.0442383311476)]
 
 
@@ -37,6 +39,28 @@ def folded(problem, name="omega", span=(0.5, 3.0), at=None):
     branch = trace(problem, name, span, at=at, stability=None)
     check_branch(branch)
     return branch.folds
+
+
+def exact_onset(z):
+    """(g F^2, W) where both folds of one harmonic meet: the least force with a fold.
+
+    With a = g A^2, s = 3/4 a and p = 2 g F^2 / (3 a^2) a fold has p^2 - 2 s p + 4 z^2 (1 + s + p) = 0, the smaller root
+    p of which belongs to the least force, and W^2 = 1 + s + p.
+    """
+
+    def root(s):
+        b = s - 2 * z**2
+        return b - np.sqrt(max(b**2 - 4 * z**2 * (1 + s), 0.0))
+
+    first = brentq(lambda s: (s - 2 * z**2) ** 2 - 4 * z**2 * (1 + s), 2 * z**2, 10.0)
+    options = {"bounds": (first, 20 * first), "method": "bounded", "options": {"xatol": 1e-12}}
+    s = minimize_scalar(lambda s: s**2 * root(s), **options).x
+    return 1.5 * (s / 0.75) ** 2 * root(s), np.sqrt(1 + s + root(s))
+
+
+@pytest.mark.parametrize(("z", "onset", "omega"), CUSPS)
+def test_the_tabulated_onsets_are_the_closed_form(z, onset, omega):
+    assert exact_onset(z) == pytest.approx((onset, omega), rel=1e-12)
 
 
 @pytest.mark.parametrize(("z", "onset", "omega"), CUSPS)
@@ -99,7 +123,7 @@ def test_any_two_parameters_may_be_chosen():
     assert other.cusps[0].second == pytest.approx(omega, rel=1e-9)
 
 
-# -- isolas (KNOWN_VALUES, section 3) ----------------------------------------------------------------------------------
+# -- isolas ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -116,6 +140,12 @@ def test_the_absorbers_isola_is_born_and_merges_where_it_is_known_to(n_harmonics
         assert events, kind
         assert all(event.second == pytest.approx(force, abs=1e-8) for event in events)
         assert omega is None or all(event.first == pytest.approx(omega, abs=1e-8) for event in events)
+        # the tabulated values are those of the balance in numpy, from a point close by
+        balance = absorber_balance(n_harmonics)
+        x, first, second = (part * (1 + 1e-5) for part in (events[0].coefficients.ravel(), events[0].first, force))
+        touching = balance.touching(x, first, second)
+        assert touching[0] == pytest.approx(force, abs=1e-8)
+        assert omega is None or touching[1] == pytest.approx(omega, abs=1e-8)
 
 
 def isola_folds(problem):
@@ -149,6 +179,23 @@ def exact_amplitude_curve(amplitude, force):
     return left
 
 
+# (f, W) of the isola's birth and merge, and A nearby: points where the left side is stationary in A and in W
+BIRTH, MERGE = ((0.0189038507, 1.1772252482), 1.0), ((0.0386321683, 1.0605199625), 0.6)
+
+
+@pytest.mark.parametrize(("event", "amplitude"), [BIRTH, MERGE])
+def test_the_tabulated_birth_and_merge_are_stationary_points_of_the_closed_form(event, amplitude):
+    step = 1e-30  # in the imaginary direction: exact derivatives of a polynomial
+
+    def slopes(point):
+        a, w = point
+        by_amplitude = exact_amplitude_curve(a + 1j * step, 0.0)(w).imag / step
+        return [by_amplitude, exact_amplitude_curve(a, 0.0)(w + 1j * step).imag / step]
+
+    a, w = fsolve(slopes, [amplitude, event[1]], xtol=1e-13)
+    assert (np.sqrt(exact_amplitude_curve(a, 0.0)(w)), w) == pytest.approx(event, rel=1e-8)
+
+
 def test_a_nonlinear_damper_has_an_isola_between_birth_and_merge_of_the_closed_form():
     problem = HarmonicBalance(nonlinear_damper(0.03), 1)
     # on the isola at w = 1.13: the damping force almost vanishes where the amplitude is about one
@@ -165,8 +212,8 @@ def test_a_nonlinear_damper_has_an_isola_between_birth_and_merge_of_the_closed_f
     curve = fold_curve(problem, branch.folds[0], "omega", "force", second_span=(0.005, 0.1))
     check_fold_curve(problem, curve)
     (birth,), (merge,) = curve.isola_births, curve.isola_merges
-    assert (birth.second, birth.first) == pytest.approx((0.0189038507, 1.1772252482), rel=1e-8)
-    assert (merge.second, merge.first) == pytest.approx((0.0386321683, 1.0605199625), rel=1e-8)
+    assert (birth.second, birth.first) == pytest.approx(BIRTH[0], rel=1e-8)
+    assert (merge.second, merge.first) == pytest.approx(MERGE[0], rel=1e-8)
 
 
 # -- ends, files, errors -----------------------------------------------------------------------------------------------
@@ -264,6 +311,7 @@ def test_a_fold_may_serve_a_problem_with_more_harmonics(fold):
     curve = fold_curve(finer, fold, "omega", "force", second_span=(0.17, 0.19))
     check_fold_curve(finer, curve)
     k = np.argmin(np.abs(curve.second - 0.18))
+    # the converged fold of test_duffing_folds.py
     assert curve.first[k] == pytest.approx(1.2696019555, abs=1e-9)
     values = finer.values({"omega": curve.first[k]})
     again = fold_by_newton(finer, curve.coefficients[k].ravel(), values, "omega", Newton())

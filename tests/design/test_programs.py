@@ -1,4 +1,4 @@
-"""Programs over responses, and identification: against retraced folds, closed forms and repeated experiments."""
+"""Programs over responses: against retraced folds and closed forms."""
 
 import dataclasses
 
@@ -8,7 +8,6 @@ import pytest
 
 import hbnlp
 from hbnlp.design import Program, Variables, fold_at, response_at
-from hbnlp.identification import Identification
 
 ZETA, CUBIC, FORCE = 0.025, 0.1, 0.18
 
@@ -163,99 +162,6 @@ def test_a_program_says_what_is_missing(problem, branch):
         program.solve({"cubic": 0.1}, data=[1.0])
 
 
-# -- identification ----------------------------------------------------------------------------------------------------
-
-UPPER, LOWER = (0.9, 1.0, 1.1, 1.18, 1.22), (1.15, 1.2, 1.3, 1.4)
-
-
-def on_both_branches(branch):
-    """Points of a branch with two folds near the frequencies above, and these."""
-    down, up = branch.folds
-    parts = ((UPPER, np.arange(down.index + 1)), (LOWER, np.arange(up.index + 1, len(branch))))
-    near = [(omega, part[np.argmin(abs(branch.parameter[part] - omega))]) for some, part in parts for omega in some]
-    return [({"omega": omega}, branch.solution(int(index))) for omega, index in near]
-
-
-@pytest.fixture(scope="module")
-def amplitudes(problem, branch):
-    def amplitude(set_to, near, **changed):
-        solution = hbnlp.solve(problem, at={**near.parameters, **set_to, **changed}, guess=near)
-        return abs(solution.harmonics("x")[1])
-
-    return lambda **changed: np.array([amplitude(*point, **changed) for point in on_both_branches(branch)])
-
-
-@pytest.fixture(scope="module")
-def identification(problem, branch):
-    shared = Variables({"cubic": (0.02, 0.5), "force": (0.05, 0.5)})
-    return Identification(shared, problem, on_both_branches(branch), "x")
-
-
-def test_exact_amplitudes_give_back_the_parameters(problem, amplitudes):
-    guess = {"cubic": 0.11, "force": 0.2}
-    guessed = hbnlp.trace(problem, "omega", (0.7, 1.6), at=guess, stability=None)
-    shared = Variables({"cubic": (0.02, 0.5), "force": (0.05, 0.5)})
-    fit = Identification(shared, problem, on_both_branches(guessed), "x").fit(amplitudes(), guess, noise=0.01)
-    assert fit.values["cubic"] == pytest.approx(CUBIC, rel=1e-7)
-    assert fit.values["force"] == pytest.approx(FORCE, rel=1e-7)
-    assert np.abs(fit.residuals).max() < 1e-7
-
-
-def test_covariance_is_that_of_differences_of_resolved_responses(identification, amplitudes):
-    fit = identification.fit(amplitudes(), {"cubic": CUBIC, "force": FORCE}, noise=0.02)
-    step = 1e-5
-    jacobian = np.column_stack(
-        [
-            (amplitudes(**{name: value + step}) - amplitudes(**{name: value - step})) / (2.0 * step)
-            for name, value in (("cubic", CUBIC), ("force", FORCE))
-        ]
-    )
-    assert np.allclose(fit.covariance, 0.02**2 * np.linalg.inv(jacobian.T @ jacobian), rtol=1e-5)
-
-
-def test_repeated_experiments_scatter_as_the_covariance_says(identification, amplitudes):
-    rng, sigma, count = np.random.default_rng(0), 0.005, 200
-    exact = amplitudes()
-    first = identification.fit(exact, {"cubic": CUBIC, "force": FORCE}, noise=sigma)
-    noisy = exact + sigma * rng.standard_normal((count, exact.size))
-    fits = [identification.fit(measured, first) for measured in noisy]
-    estimates = np.array([list(fit.values.values()) for fit in fits])
-    scatter = np.cov(estimates.T)
-    # the estimated variances have a relative standard deviation of sqrt(2 / (count - 1)) = 0.1: three of them
-    assert np.allclose(np.diag(scatter) / np.diag(first.covariance), 1.0, atol=0.3)
-    correlation = [c[0, 1] / np.sqrt(c[0, 0] * c[1, 1]) for c in (scatter, first.covariance)]
-    assert correlation[0] == pytest.approx(correlation[1], abs=0.05)
-    assert np.abs(estimates.mean(axis=0) - [CUBIC, FORCE]).max() < 4.0 * np.sqrt(np.diag(scatter).max() / count)
-    # the noise estimated from the residuals is unbiased in the square
-    assert np.mean([fit.noise**2 for fit in fits]) == pytest.approx(sigma**2, rel=0.15)
-
-
-def test_measurements_that_do_not_determine_the_variables_are_an_error():
-    system = hbnlp.System(
-        [[1.0]],
-        [[0.05]],
-        lambda p: [[p.a * p.b]],
-        nonlinear_force=lambda q, v, tau, p: [0.1 * q[0] ** 3],
-        forcing=lambda tau, p: [0.1 * ca.cos(tau)],
-        parameters={"a": 1.0, "b": 1.0},
-    )
-    problem = hbnlp.HarmonicBalance(system, n_harmonics=1)
-    points = [({}, hbnlp.solve(problem, at={"omega": omega})) for omega in (0.5, 0.6, 0.7)]
-    measured = [abs(near.harmonics("x")[1]) for _, near in points]
-    shared = Variables({"a": (0.5, 2.0), "b": (0.5, 2.0)})
-    with pytest.raises(ValueError, match="do not determine a and b together"):
-        Identification(shared, problem, points, "x").fit(measured, {"a": 1.0, "b": 1.0}, noise=0.01)
-    alone = Variables({"a": (0.5, 2.0)})
-    with pytest.raises(ValueError, match="give noise"):
-        Identification(alone, problem, points[:1], "x").fit(measured[:1], {"a": 1.1})
-
-
-def test_the_summary_states_values_and_errors(identification, amplitudes):
-    fit = identification.fit(amplitudes(), {"cubic": CUBIC, "force": FORCE}, noise=0.01)
-    assert repr(fit).startswith("Identified from 9 amplitudes: cubic = 0.1 +- 0.00")
-
-
 def test_only_what_users_need_is_shown():
-    for module in (hbnlp.design, hbnlp.identification):
-        for name in module.__all__:
-            assert getattr(module, name).__module__.startswith(f"{module.__name__}.")
+    for name in hbnlp.design.__all__:
+        assert getattr(hbnlp.design, name).__module__.startswith("hbnlp.design.")

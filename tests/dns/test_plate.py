@@ -27,7 +27,7 @@ def potential_impulse(velocity, n_modes: int = 3) -> tuple[np.ndarray, float]:
 
 
 def test_potential_impulse_gives_the_known_added_mass() -> None:
-    # values of the closed form, e.g. M_11 = 1.709261, M_13 = 0.124067; pitch about the leading edge pi/4 in C_L
+    # test_thin_airfoil.py has the same numbers from the transfer function; pitch about the leading edge: pi/4 in C_L
     np.testing.assert_allclose(
         potential_impulse(lambda x: np.sin(np.pi * x))[0], [-1.709261, 0.0, -0.124067], atol=1e-6
     )

@@ -15,13 +15,22 @@ import hbnlp
 from hbnlp import dns
 
 DATA = Path(__file__).parents[2] / "docs" / "data" / "dns"
-# Dennis and Chang 1970; Coutanceau and Bouard 1977; Linnick and Fasel 2005; Taira and Colonius 2007; Liu et al. 1998;
-# Park et al. 1998; Williamson 1988: lowest and highest published value
+# Lowest and highest published value. Steady flow:
+# S. C. R. Dennis, G.-Z. Chang, J. Fluid Mech. 42 (1970) 471-489, doi:10.1017/S0022112070001428;
+# M. Coutanceau, R. Bouard, J. Fluid Mech. 79 (1977) 231-256, doi:10.1017/S0022112077000135;
+# steady flow and vortex shedding:
+# M. N. Linnick, H. F. Fasel, J. Comput. Phys. 204 (2005) 157-192, doi:10.1016/j.jcp.2004.09.017;
+# K. Taira, T. Colonius, J. Comput. Phys. 225 (2007) 2118-2137, doi:10.1016/j.jcp.2007.03.005;
+# J. Park, K. Kwon, H. Choi, KSME Int. J. 12 (1998) 1200-1205, doi:10.1007/BF02942594;
+# vortex shedding:
+# C. Liu, X. Zheng, C. H. Sung, J. Comput. Phys. 139 (1998) 35-57, doi:10.1006/jcph.1997.5859;
+# C. H. K. Williamson, Phys. Fluids 31 (1988) 2742-2744 (its frequency).
 RANGES = {
     "cylinder_40": {"C_D": (1.50, 1.54), "wake_length": (2.13, 2.35)},
     "cylinder_100": {"C_D": (1.33, 1.35), "C_L": (0.33, 0.34), "St": (0.164, 0.166)},
     "cylinder_200": {"C_D": (1.31, 1.35), "C_L": (0.68, 0.69), "St": (0.192, 0.197)},
-    # triple deck at zero incidence .3606, body-fitted finite elements .3571; static lift slope 4.25 to 4.34
+    # drag at zero incidence: triple deck .3606, finite elements .3571; static lift slope by these 4.248, see
+    # docs/linear_flow.md, within 2 %
     "plate_50": {"C_D": (0.356, 0.361), "lift_slope": (4.2, 4.34)},
 }
 

@@ -21,6 +21,7 @@ def amplitudes(solutions):
 
 
 def test_the_three_solutions_between_the_folds_have_the_known_amplitudes_and_multipliers(branch):
+    # the numbers of test_multipliers.py, of which the amplitudes are those of tests/numpy_balance.py
     found = branch.at(1.2)
     np.testing.assert_allclose(amplitudes(found), [2.5091975811, 2.2605488905, 0.4175204536], rtol=1e-10)
     expected = [0.80986415 + 0.33732103j, 1.31490727, 0.48848659 + 0.72872921j]

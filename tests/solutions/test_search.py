@@ -15,7 +15,7 @@ from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch
 
-# first harmonics of the three solutions at W = 1.2, H = 11 (KNOWN_VALUES, section 1)
+# first harmonics of the three solutions at W = 1.2, H = 11: of tests/numpy_balance.py, as test_solving.py tests
 AMPLITUDES = [0.4175204536, 2.2605488905, 2.5091975811]
 SEEDS = [0, 1, 20080]
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy_balance import CubicBalance
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
@@ -18,7 +19,8 @@ from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
 
 METHODS = [Newton(), Ipopt(), Rootfinder(), Rootfinder(plugin="fast_newton"), Rootfinder(plugin="kinsol")]
-# x'' + .05 x' + x + .1 x^3 = .18 cos 1.2 t: first harmonics of the three solutions, H = 11 (KNOWN_VALUES, section 1)
+# x'' + .05 x' + x + .1 x^3 = .18 cos 1.2 t: first harmonics of the three solutions with H = 11, by
+# tests/numpy_balance.py, as tested below
 AMPLITUDES = [0.4175204536, 2.2605488905, 2.5091975811]
 
 
@@ -59,6 +61,14 @@ def test_duffing_with_one_harmonic_is_the_closed_form(amplitude, z, g, side):
     solution = solve(problem, at={"omega": omega}, guess=exact * (1.0 + 1e-4))
     size = np.linalg.norm(np.linalg.inv(problem.assembly.jacobian(exact.ravel(), problem.values({"omega": omega}))))
     np.testing.assert_allclose(solution.coefficients, exact, atol=1e-9 * amplitude + 1e-14 * size)
+
+
+@pytest.mark.parametrize("amplitude", AMPLITUDES)
+def test_the_tabulated_solutions_are_those_of_a_balance_in_numpy(amplitude):
+    start = np.zeros(23)
+    start[:3] = one_harmonic(amplitude, 1.2, 0.025, 0.1, 0.18)
+    x = CubicBalance(1.0, 0.05, 1.0, 1.0, 0.1, 1.0, 11).solve(start, 1.2, 0.18)
+    assert np.hypot(x[1], x[2]) == pytest.approx(amplitude, abs=1e-10)
 
 
 @pytest.mark.parametrize("method", METHODS, ids=str)
@@ -106,7 +116,7 @@ def test_a_solution_over_two_periods_is_that_of_one():
 
 
 def test_the_ten_mass_chain_at_its_slowest_is_reached_from_nothing():
-    """Newton's method from zero or from the linear response does not converge there (KNOWN_VALUES, section 2)."""
+    """Newton's method from zero or from the linear response alone does not converge there: another start is needed."""
     problem = HarmonicBalance(chain(10), 7)
     solution = solve(problem, at={"omega": 0.2})
     assert solution.converged
@@ -250,3 +260,14 @@ def test_options_are_by_keyword_and_unknown_ones_are_refused():
         Newton(1e-8)
     with pytest.raises(TypeError, match="tolerance"):
         Newton(tolerance=1e-8)
+
+
+def test_a_solution_of_one_period_starts_a_problem_of_two():
+    one = HarmonicBalance(duffing(), 3)
+    two = HarmonicBalance(duffing(), 6, periods=2)
+    solution = solve(one, at={"omega": 1.1})
+    again = solve(two, at={"omega": 1.1}, guess=solution)
+    assert again.statistics["iterations"] <= 2
+    np.testing.assert_allclose(again.coefficients[:, 3:5], solution.coefficients[:, 1:3], atol=1e-12)
+    with pytest.raises(ValueError, match=r"2 period\(s\) and the problem 1"):
+        solve(one, at={"omega": 1.1}, guess=again)

@@ -1,4 +1,4 @@
-"""Floquet multipliers: closed forms, published values, and integration by another method."""
+"""Floquet multipliers: closed forms, Mathieu's characteristic values, and integration by another method."""
 
 from __future__ import annotations
 
@@ -84,7 +84,8 @@ def duffing_solution(start, n_harmonics=11, omega=1.2, damping_ratio=0.025, cubi
     return found.x[None]
 
 
-# First harmonics (cos, sin) near the three solutions of amplitudes .4175204536, 2.2605488905, 2.5091975811.
+# First harmonics (cos, sin) near the three solutions, their amplitudes with 11 harmonics by the equations above, and
+# multipliers by shooting on the equation of motion with DOP853 at tolerances of 1e-12.
 DUFFING = {
     "small": ((-0.41, 0.06), 0.4175204536, [0.48848659 + 0.72872921j, 0.48848659 - 0.72872921j]),
     "middle": ((-1.49, 1.7), 2.2605488905, [1.31490727, 0.58533817]),
@@ -152,6 +153,8 @@ def lagged(seed, stiffest):
 # -- known answers -----------------------------------------------------------------------------------------------------
 
 
+# the characteristic values a_0, b_1, a_1, b_2, a_2 of Mathieu's equation at q = 1 (https://dlmf.nist.gov/28.2), which
+# scipy.special.mathieu_a and mathieu_b give to these digits
 @pytest.mark.parametrize(
     ("a", "multiplier"),
     [
@@ -184,6 +187,7 @@ def test_duffing_has_the_known_multipliers(duffing_case):
     result = monodromy(duffing(), x, [0.1, 0.18, 1.2])
     assert result.converged
     np.testing.assert_allclose(result.multipliers, multipliers, atol=6e-9)
+    # exp(-2 z T), by Liouville's formula
     assert np.prod(result.multipliers).real == pytest.approx(0.7696654124932, abs=1e-12)
     assert result.stable == (np.abs(multipliers).max() < 1.0)
     np.testing.assert_allclose(np.exp(result.exponents * result.period), result.multipliers, rtol=1e-12)

@@ -12,7 +12,7 @@ from hbnlp.sweeps.records import TimeSweep
 from hbnlp.systems import duffing
 from hbnlp.systems.system import System
 
-# folds of x'' + .05 x' + x + .1 x^3 = .18 cos(omega t), converged harmonic balance
+# converged folds of x'' + .05 x' + x + .1 x^3 = .18 cos(omega t), from test_duffing_folds.py
 FOLD_UP, FOLD_DOWN = 1.115700251771, 1.2696019555
 
 

@@ -17,7 +17,7 @@ from hbnlp.systems import duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch
 
-# folds of x'' + .05 x' + x + .1 x^3 = .18 cos w t, converged (KNOWN_VALUES, section 1)
+# converged folds of x'' + .05 x' + x + .1 x^3 = .18 cos w t: of tests/numpy_balance.py, as test_duffing_folds.py tests
 UP, DOWN = 1.115700251771, 1.2696019555
 OMEGAS = np.round(np.arange(0.9, 1.4, 0.005), 6)
 

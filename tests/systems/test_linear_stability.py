@@ -65,6 +65,7 @@ def test_limits_at_low_tension_are_those_of_the_static_eigenvalue_problem_and_fl
 def test_divergence_in_any_other_parameter_is_the_same_limit():
     wing = membrane_wing(QuasiLinearMembrane(prestrain=0.004, n_modes=1), thin_airfoil(1))
     (limit,) = stability_limits(wing, "stiffness", (100.0, 1000.0))
+    # pi^2 c_T = dCp_1 per W_1 = 16.8697305419 (test_thin_airfoil.py), with c_T = 2 Eh delta0
     assert limit.value == pytest.approx(1.7092610662319 / 0.008, rel=1e-10)
     assert stability_limits(wing, "mass_ratio", (0.01, 5.0)) == ()
 

@@ -64,7 +64,7 @@ def test_a_force_may_be_a_list_a_column_or_a_row():
 
 
 def test_the_linearisation_is_that_of_the_lag_form():
-    """q'' = M^-1 (-K q - D q' + L_x x), and x' = A x + B q'' (DESIGN, section 3)."""
+    """q'' = M^-1 (-K q - D q' + L_x x), and x' = A x + B q'' (docs/theory.md, under Stability)."""
     inverse = np.linalg.inv(MASS)
     acceleration = np.hstack([-inverse @ STIFFNESS, -inverse @ DAMPING, inverse @ LAG_OUTPUT])
     expected = np.vstack([np.eye(2, 7, k=2), acceleration, LAG_INPUT @ acceleration])
