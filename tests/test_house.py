@@ -79,6 +79,17 @@ def test_the_contract_of_the_rooms_is_short():
     assert len(layers) <= LONGEST_CONTRACT
 
 
+def test_the_page_on_how_it_is_built_names_files_that_exist():
+    page = (ROOT / "docs" / "how_it_is_built.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+/\w+\.py)`", page))
+    assert len(named) > 20
+    assert [file for file in sorted(named) if not (PACKAGE / file).is_file()] == []
+    rooms = {
+        room for cell in re.findall(r"^\| (`.*?) \|", page, flags=re.MULTILINE) for room in re.findall(r"`(\w+)`", cell)
+    }
+    assert rooms == {path.stem for path in PACKAGE.iterdir() if not path.name.startswith("__")}
+
+
 def texts():
     """What readers see: the documents at the top, and all code and pages in the folders."""
     yield from ROOT.glob("*.md")

@@ -19,7 +19,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.curve import Bordered, null_vector
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.types import Array
-from hbnlp.solutions.equations import along_folds
+from hbnlp.solutions.equations import along_folds, along_parameter
 from hbnlp.solutions.ipopt import Ipopt, minimise
 
 
@@ -97,14 +97,10 @@ def left_null_vector(problem: HarmonicBalance, x: Array, values: Array, name: st
 
     It solves the transpose of the system [R_x, R_lambda; v, 0], which is regular at a fold.
     """
-    index = problem.system.parameters.index(name)
-    matrix = np.zeros((problem.size + 1, problem.size + 1))
-    matrix[:-1, :-1] = problem.assembly.jacobian(x, values)
-    matrix[:-1, -1] = problem.assembly.parameter_derivative(x, values, index)
-    matrix[-1, :-1] = null
-    last = np.zeros(problem.size + 1)
-    last[-1] = 1.0
-    return Bordered(matrix).solve_transposed(last)[:-1]
+    curve = along_parameter(problem, values, name)
+    y = curve.unknowns.joined(x, [values[problem.system.parameters.index(name)]])
+    factors = Bordered.at(curve, y, np.append(null, 0.0))
+    return factors.solve_transposed(curve.unknowns.fixing_last())[: problem.size]
 
 
 def fold_sensitivity(problem: HarmonicBalance, x: Array, values: Array, name: str, left: Array) -> dict[str, float]:
