@@ -26,7 +26,7 @@ import numpy as np
 
 import hbnlp
 
-runs = Path(hbnlp.__file__).parents[1] / "docs" / "data" / "dns"
+runs = Path(hbnlp.__file__).parents[1] / "benchmarks" / "validation" / "results"
 wing = hbnlp.membrane_wing(hbnlp.NonlinearMembrane(), hbnlp.aero.flat_plate_re100())
 problem = hbnlp.HarmonicBalance(wing, n_harmonics=7)
 pitch = {"pitch_amplitude": np.radians(2.5)}

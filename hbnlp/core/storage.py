@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import tokenize
 import uuid
 import zipfile
+import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -17,6 +19,11 @@ from numpy.typing import NDArray
 from hbnlp.core.errors import SaveError
 
 _METADATA = "metadata.json"
+# what Python and NumPy raise in reading a file that is cut off, has a byte changed or is something else
+_DAMAGES = (
+    zipfile.BadZipFile, zlib.error, tokenize.TokenError, NotImplementedError, OSError, EOFError, ValueError, KeyError,
+    AttributeError, TypeError,
+)  # fmt: skip
 
 
 def save_arrays(
@@ -73,7 +80,9 @@ def save_arrays(
             part.unlink(missing_ok=True)
 
 
-def load_arrays(path: str | os.PathLike[str], kind: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def load_arrays(
+    path: str | os.PathLike[str], kind: str, *, plain: bool = False
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Read a file that `save_arrays` wrote.
 
     Parameters
@@ -82,6 +91,9 @@ def load_arrays(path: str | os.PathLike[str], kind: str) -> tuple[dict[str, NDAr
         The file.
     kind : str
         What the file must hold.
+    plain : bool
+        Whether an ``.npz`` file of arrays alone, which says neither its kind nor anything else, will do: the caller
+        then knows by the names of the arrays whether it is his.
 
     Returns
     -------
@@ -96,17 +108,18 @@ def load_arrays(path: str | os.PathLike[str], kind: str) -> tuple[dict[str, NDAr
         If the file is damaged, is not from `save_arrays` or holds something else.
     """
     source = Path(path)
-    try:
-        with source.open("rb") as handle, np.load(handle, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        metadata = json.loads(arrays.pop(_METADATA).tobytes())
-        found = metadata.pop("kind")
-    except FileNotFoundError:
-        raise
-    except (zipfile.BadZipFile, ValueError, KeyError, AttributeError, EOFError, TypeError) as error:
-        raise ValueError(
-            f"{str(source)!r} is not a readable {kind} file of hbnlp ({error}); give a file written by its save()"
-        ) from error
+    with source.open("rb") as handle:
+        try:
+            with np.load(handle, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in archive.files}
+            if plain and _METADATA not in arrays:
+                return arrays, {}
+            metadata = json.loads(arrays.pop(_METADATA).tobytes())
+            found = metadata.pop("kind")
+        except _DAMAGES as error:
+            raise ValueError(
+                f"{str(source)!r} is not a readable {kind} file of hbnlp ({error}); give a file that was saved as one"
+            ) from error
     if found != kind:
-        raise ValueError(f"{str(source)!r} holds a {found}, not a {kind}; load it with the {found}'s own load()")
+        raise ValueError(f"{str(source)!r} holds a {found}, not a {kind}; load it as what it is")
     return arrays, metadata

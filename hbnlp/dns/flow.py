@@ -21,20 +21,21 @@ import numpy as np
 from hbnlp.core.types import Array
 from hbnlp.dns.bodies import Body, MovingPoints, Points, SharpPlate
 from hbnlp.dns.deformed import Deformed
+from hbnlp.dns.explicit import Explicit
 from hbnlp.dns.grid import Grid
 from hbnlp.dns.history import History, Record
-from hbnlp.dns.limits import check_courant, check_metric_diffusion, courant_number
+from hbnlp.dns.limits import check_courant
+from hbnlp.dns.loads import step_record
 from hbnlp.dns.mapping import Metric
 from hbnlp.dns.membrane import Membrane, MembraneShape
 from hbnlp.dns.motion import Background, Motion
 from hbnlp.dns.nested import NestedSolver, Solution, sine_transform
 from hbnlp.dns.plate import PlateWall, PrescribedShape
-from hbnlp.dns.stencils import advection, laplacian, node_velocity
 from hbnlp.dns.walls import FixedWall, MovingWall, Wall
 
 _log = logging.getLogger(__name__)
 
-_CFL_EVERY = 10
+_COURANT_EVERY = 10
 # Passes over m(psi) a step. With psi extrapolated for the first, an even number is stable for metrics that stretch by
 # less than about two, and two leave a remainder of 1e-5 of the loads at slopes of 0.5 (measured, docs/dns.md).
 _PASSES = 2
@@ -95,8 +96,7 @@ class Simulation:
         self.psi = np.zeros((grid.levels, nx + 1, ny + 1))
         self.gamma = np.zeros_like(self.psi)
         self._psi_before = self.psi[0].copy()
-        self._convection: Array | None = None
-        self._rhs = np.empty((grid.levels, nx - 1, ny - 1))
+        self._explicit = Explicit(grid, step, reynolds, self._background, self._deformed)
         self.steps = 0
         self._start = 0.0
         self._metric = self.wall.metric()
@@ -174,7 +174,7 @@ class Simulation:
         """Advance by dt."""
         nested, wall, levels = self._nested, self.wall, range(self.grid.levels)
         end = self._start + (self.steps + 1) * self.dt
-        rhs = self._explicit()
+        rhs = self._explicit.rhs(self.psi, self.gamma, self._metric, self.time, check=self.steps % _COURANT_EVERY == 0)
         circulation = float(self.gamma[-1, 1:-1, 1:-1].sum()) * self.grid.cell(self.grid.levels - 1) ** 2
         wall.prepare(end)
         guess = 2.0 * self.psi[0] - self._psi_before
@@ -190,7 +190,8 @@ class Simulation:
         else:
             nested.restrict_all(inner)
         self.steps += 1
-        self._records.append(self._record(reaction))
+        pitch = self.motion.pitch(self.time - 0.5 * self.dt)[0]
+        self._records.append(step_record(wall, reaction, self.time, pitch))
         wall.accept()
 
     def state(self) -> dict[str, Array]:
@@ -203,7 +204,7 @@ class Simulation:
             "psi": self.psi,
             "gamma": self.gamma,
             "psi_before": self._psi_before,
-            "convection": np.zeros(0) if self._convection is None else self._convection,
+            "convection": np.zeros(0) if self._explicit.convection is None else self._explicit.convection,
         }
         arrays |= {f"wall_{name}": value for name, value in self.wall.state().items()}
         # the fields are overwritten in every step
@@ -238,7 +239,8 @@ class Simulation:
         self._start, self.steps = (start, round(steps)) if same_step else (start + steps * dt, 0)
         self.psi, self.gamma = arrays["psi"].copy(), arrays["gamma"].copy()
         self._psi_before = arrays["psi_before"].copy() if same_step else self.psi[0].copy()
-        self._convection = arrays["convection"].copy() if same_step and arrays["convection"].size else None
+        convection = arrays["convection"]
+        self._explicit.convection = convection.copy() if same_step and convection.size else None
         wall = {name.removeprefix("wall_"): value for name, value in arrays.items() if name.startswith("wall_")}
         same_wall = wall.keys() == self.wall.state().keys()
         self.wall.restore(wall if same_wall else {}, self.time)
@@ -269,72 +271,6 @@ class Simulation:
                 return solution, reaction
             nested.to_nodes(solution.psi[0], solution.psi_edges[0], guess)
             metric_hat = sine_transform(deformed.source(metric, guess))
-
-    def _explicit(self) -> Array:
-        """Right-hand sides of the step without the body's forces, at the interior nodes of all levels."""
-        dt, nu = self.dt, 1.0 / self.reynolds
-        background = self._background.levels(self.time)
-        first = self._convection is None
-        if self._convection is None:
-            self._convection = np.zeros_like(self._rhs)
-        # level by level, so that the fields of one stay in the processor's cache
-        for level, h in enumerate(self.grid.cells()):
-            convection = self._convect(level, float(h), background[level])
-            gamma = self.gamma[level]
-            rhs = laplacian(gamma, float(h))
-            rhs *= 0.5 * dt * nu
-            rhs += gamma[1:-1, 1:-1]
-            rhs += (1.5 * dt) * convection
-            rhs -= (0.5 * dt) * (convection if first else self._convection[level])
-            self._convection[level] = convection
-            self._rhs[level] = rhs
-        return self._rhs
-
-    def _convect(self, level: int, h: float, background: Array) -> Array:
-        """Convection, and on level 0 the metric's part of diffusion, at the interior nodes of a level."""
-        psi, gamma = self.psi[level] + background, self.gamma[level]
-        deformed, metric = self._deformed, self._metric
-        if level > 0 or deformed is None or metric is None:
-            u, v = node_velocity(psi, h)
-            self._check(u, v, h)
-            return advection(u, v, gamma, h)
-        mapped = background.copy()
-        deformed.set_background(mapped, metric, self.time)
-        u, v = node_velocity(self.psi[0] + mapped, h)
-        deformed.add_grid_velocity(v, metric)
-        self._check(u, v, h)
-        check_metric_diffusion(metric.stretch_max, self.dt, 1.0 / self.reynolds, h, self.time)
-        omega = deformed.vorticity(gamma, metric)
-        out = advection(u, v, omega, h)
-        deformed.add_diffusion(out, omega, gamma, metric, 1.0 / self.reynolds)
-        return out
-
-    def _check(self, u: Array, v: Array, h: float) -> None:
-        if self.steps % _CFL_EVERY == 0:
-            check_courant(courant_number(u, v, self.dt, h), self.dt, self.time)
-
-    def _record(self, reaction: Array) -> Record:
-        time = self.time
-        wall = self.wall
-        force_x, force_y = wall.force(reaction)
-        alpha = self.motion.pitch(time - 0.5 * self.dt)[0]
-        c, s = math.cos(alpha), math.sin(alpha)
-        empty = np.empty(0)
-        jump = coefficients = deflection = rate = empty
-        if isinstance(wall, PlateWall):
-            jump = wall.pressure_jump(reaction, wall.middle_slope())
-            coefficients = wall.coefficients(jump)
-            if wall.shape is not None:
-                deflection, rate = wall.shape.estimate
-        return Record(
-            time,
-            2.0 * (force_y * c - force_x * s),
-            2.0 * (force_x * c + force_y * s),
-            jump,
-            coefficients,
-            deflection,
-            rate,
-        )
 
     def _background_at_body(self, time: float, metric: Metric | None) -> Array:
         psi = self._background.levels(time)[0]

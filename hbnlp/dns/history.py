@@ -74,7 +74,7 @@ class History:
         """Stack records of equal shape."""
         time = np.array([record.time for record in records])
         stacks = {
-            name: np.array([getattr(record, name) for record in records]).reshape(len(records), -1)
+            name: np.array([getattr(record, name) for record in records]) if records else np.empty((0, 0))
             for name in ("jump", "coefficients", "deflection", "rate")
         }
         return cls(

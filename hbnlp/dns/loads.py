@@ -1,11 +1,49 @@
-"""Sizes of what the structural model leaves out."""
+"""Loads of a step along and normal to the stream, and the size of what the structural model leaves out."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from hbnlp.dns.history import History
+from hbnlp.core.types import Array
+from hbnlp.dns.history import History, Record
 from hbnlp.dns.motion import Motion
+from hbnlp.dns.plate import PlateWall
+from hbnlp.dns.walls import Wall
+
+
+def step_record(wall: Wall, reaction: Array, time: float, pitch: float) -> Record:
+    """Record of a step, before the wall accepts it.
+
+    Parameters
+    ----------
+    wall : Wall
+        The body.
+    reaction : ndarray of shape (constraints,)
+        Forces on the fluid at its constraints.
+    time : float
+        End of the step.
+    pitch : float
+        alpha of the frame in the middle of the step, to which the loads belong.
+    """
+    force_x, force_y = wall.force(reaction)
+    c, s = math.cos(pitch), math.sin(pitch)
+    jump = coefficients = deflection = rate = np.empty(0)
+    if isinstance(wall, PlateWall):
+        jump = wall.pressure_jump(reaction, wall.middle_slope())
+        coefficients = wall.coefficients(jump)
+        if wall.shape is not None:
+            deflection, rate = wall.shape.estimate
+    return Record(
+        time,
+        2.0 * (force_y * c - force_x * s),
+        2.0 * (force_x * c + force_y * s),
+        jump,
+        coefficients,
+        deflection,
+        rate,
+    )
 
 
 def neglected_inertia(history: History, motion: Motion, mass_ratio: float) -> float:

@@ -1,70 +1,51 @@
-"""Saving and restarting: plain npz files, written whole or not at all."""
+"""Saving and restarting the flow solver, in the files of `hbnlp.core.storage`."""
 
 from __future__ import annotations
 
 import os
-import zipfile
 from dataclasses import fields
-from pathlib import Path
 
-import numpy as np
-
-from hbnlp.core.types import Array
+from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.dns.flow import Simulation
 from hbnlp.dns.history import History
 
+_STATE, _HISTORY = "flow state", "flow history"
 
-def write_arrays(path: str | os.PathLike[str], arrays: dict[str, Array]) -> None:
-    """Write arrays to an npz file by way of a partial file, so that an interruption never leaves half a file.
 
-    Parameters
-    ----------
-    path : path-like
-        File to write or replace.
-    arrays : dict
-        Arrays by name.
+def save_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
+    """Save a running simulation for a restart, whole or not at all.
+
+    Raises
+    ------
+    SaveError
+        (An `OSError`.) If the file cannot be written; an older file of that name is as it was.
     """
-    target = Path(path)
-    partial = target.with_name(target.name + ".part")
-    with partial.open("wb") as stream:
-        np.savez(stream, **arrays)  # type: ignore[arg-type]
-        stream.flush()
-        os.fsync(stream.fileno())
-    partial.replace(target)
+    save_arrays(path, _STATE, simulation.state(), {})
 
 
-def read_arrays(path: str | os.PathLike[str]) -> dict[str, Array]:
-    """Read all arrays of an npz file, refusing pickled objects.
+def load_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
+    """Continue a simulation, built with the same grid, from a saved state; see `Simulation.restore`.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is not an npz file of plain arrays.
+        If the file holds something else or belongs to another grid.
     """
-    try:
-        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
-    except FileNotFoundError:
-        raise
-    except (EOFError, OSError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path} is no npz file of plain arrays as this package writes it: {error}") from error
-
-
-def save_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
-    """Save a running simulation for a restart."""
-    write_arrays(path, simulation.state())
-
-
-def load_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
-    """Continue a simulation, built with the same grid, from a saved state; see `Simulation.restore`."""
-    simulation.restore(read_arrays(path))
+    # the first version wrote arrays alone
+    simulation.restore(load_arrays(path, _STATE, plain=True)[0])
 
 
 def save_history(history: History, path: str | os.PathLike[str]) -> None:
-    """Save loads and deflections."""
-    write_arrays(path, {part.name: getattr(history, part.name) for part in fields(History)})
+    """Save loads and deflections, whole or not at all.
+
+    Raises
+    ------
+    SaveError
+        (An `OSError`.) If the file cannot be written; an older file of that name is as it was.
+    """
+    save_arrays(path, _HISTORY, {part.name: getattr(history, part.name) for part in fields(History)}, {})
 
 
 def load_history(path: str | os.PathLike[str]) -> History:
@@ -72,11 +53,13 @@ def load_history(path: str | os.PathLike[str]) -> History:
 
     Raises
     ------
+    FileNotFoundError
+        If there is no such file.
     ValueError
         If the file holds something else.
     """
-    arrays = read_arrays(path)
+    arrays, _ = load_arrays(path, _HISTORY, plain=True)
     names = {part.name for part in fields(History)}
     if arrays.keys() != names:
-        raise ValueError(f"{path} holds {sorted(arrays)}, but a history has {sorted(names)}")
+        raise ValueError(f"{os.fspath(path)!r} holds {sorted(arrays)}, but a history has {sorted(names)}")
     return History(**arrays)

@@ -1,7 +1,10 @@
 """One-file storage: what goes in comes out, or the old file stays as it was."""
 
 import errno
+import multiprocessing
 import pickle
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -68,6 +71,22 @@ def test_an_interrupt_keeps_the_old_file_and_leaves_no_litter(tmp_path, monkeypa
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_processes_that_save_to_the_same_file_at_the_same_time_leave_a_whole_one(tmp_path):
+    path, size = tmp_path / "file.npz", 100_000
+    # noise, so that a save takes long enough to meet another
+    noise = np.random.default_rng(0).standard_normal(size)
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        saves = [
+            pool.submit(save_arrays, path, "thing", {"a": noise, "b": np.full(size, i)}, {"i": i}) for i in range(40)
+        ]
+        while not all(save.done() for save in saves):
+            if path.exists():
+                arrays, metadata = load_arrays(path, "thing")
+                np.testing.assert_array_equal(arrays["b"], metadata["i"])
+        assert [save.result() for save in saves] == [None] * 40
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_a_folder_that_is_missing_is_named(tmp_path):
     with pytest.raises(SaveError, match="nowhere"):
         save_arrays(tmp_path / "nowhere" / "file", "thing", {}, {})
@@ -90,3 +109,30 @@ def test_files_that_are_something_else_are_refused(tmp_path):
     np.save(tmp_path / "other.npy", 1)
     with pytest.raises(ValueError, match="not a readable thing file"):
         load_arrays(tmp_path / "other.npy", "thing")
+
+
+def test_whatever_byte_of_a_file_is_changed_no_other_numbers_come_out(tmp_path):
+    path, array = tmp_path / "file", np.random.default_rng(0).standard_normal(30)
+    save_arrays(path, "thing", {"a": array}, {})
+    content = path.read_bytes()
+    refused = 0
+    for place in range(len(content)):
+        damaged = bytearray(content)
+        damaged[place] ^= 0xFF
+        path.write_bytes(damaged)
+        # dates and the like may change without loss, and the archive's list of its parts may become shorter
+        with suppress(ValueError):
+            np.testing.assert_array_equal(load_arrays(path, "thing")[0].get("a", array), array)
+            continue
+        refused += 1
+    assert refused > 0.5 * len(content)
+
+
+def test_arrays_alone_are_taken_where_they_will_do_and_what_says_its_kind_is_held_to_it(tmp_path):
+    np.savez(tmp_path / "plain.npz", a=np.arange(3))
+    arrays, metadata = load_arrays(tmp_path / "plain.npz", "thing", plain=True)
+    np.testing.assert_array_equal(arrays["a"], np.arange(3))
+    assert metadata == {}
+    save_arrays(tmp_path / "branch.npz", "Branch", {"a": np.arange(3)}, {})
+    with pytest.raises(ValueError, match="holds a Branch, not a thing"):
+        load_arrays(tmp_path / "branch.npz", "thing", plain=True)

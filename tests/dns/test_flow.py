@@ -8,6 +8,7 @@ import pytest
 
 import hbnlp
 from hbnlp import dns
+from hbnlp.core.errors import SaveError
 from hbnlp.dns.bodies import Points
 
 
@@ -85,6 +86,15 @@ def test_restart_continues_bit_for_bit(kind: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(second.psi, whole.psi)
     np.testing.assert_array_equal(second.gamma, whole.gamma)
     np.testing.assert_array_equal(second.history.lift, whole.history.lift[7:])
+
+
+def test_states_saved_as_arrays_alone_are_continued(tmp_path: Path) -> None:
+    """The first version wrote no kind and no metadata."""
+    flow, other = _coarse_cylinder(), _coarse_cylinder()
+    flow.run(0.1)
+    np.savez(tmp_path / "state.npz", **flow.state())
+    dns.load_state(other, tmp_path / "state.npz")
+    np.testing.assert_array_equal(other.run(0.2).lift, flow.run(0.2).lift[4:])
 
 
 def test_state_is_not_touched_by_the_steps_after_it() -> None:
@@ -188,8 +198,13 @@ def test_states_of_other_grids_and_broken_files_are_refused(tmp_path: Path) -> N
         flow.restore({"psi": flow.psi})
     broken = tmp_path / "broken.npz"
     broken.write_bytes(b"PK\x03\x04 no archive")
-    with pytest.raises(ValueError, match=r"broken\.npz is no npz file"):
+    with pytest.raises(ValueError, match=r"broken\.npz' is not a readable flow state"):
         dns.load_state(flow, broken)
+    dns.save_history(flow.history, broken)
+    with pytest.raises(ValueError, match="holds a flow history, not a flow state"):
+        dns.load_state(flow, broken)
+    with pytest.raises(SaveError, match="nowhere"):
+        dns.save_state(flow, tmp_path / "nowhere" / "state.npz")
 
 
 def test_times_already_passed_are_refused() -> None:

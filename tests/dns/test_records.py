@@ -1,5 +1,6 @@
 """Histories, frequency response, observers and pictures."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -23,6 +24,7 @@ def _membrane_flow() -> dns.Simulation:
 
 def test_history_has_a_row_a_step_and_survives_a_file(tmp_path: Path) -> None:
     flow = _membrane_flow()
+    assert repr(flow.history) == "History(no steps)"
     history = flow.run(6 * flow.dt)
     assert history.jump.shape == (6, 16)
     assert history.coefficients.shape == history.deflection.shape == (6, 3)
@@ -30,6 +32,13 @@ def test_history_has_a_row_a_step_and_survives_a_file(tmp_path: Path) -> None:
     dns.save_history(history, tmp_path / "run.npz")
     np.testing.assert_array_equal(dns.load_history(tmp_path / "run.npz").rate, history.rate)
     assert "6 steps" in repr(history)
+    # the first version wrote arrays alone
+    arrays = {part.name: getattr(history, part.name) for part in dataclasses.fields(history)}
+    np.savez(tmp_path / "old.npz", **arrays)
+    np.testing.assert_array_equal(dns.load_history(tmp_path / "old.npz").rate, history.rate)
+    np.savez(tmp_path / "other.npz", lift=history.lift)
+    with pytest.raises(ValueError, match=r"other\.npz' holds \['lift'\], but a history has"):
+        dns.load_history(tmp_path / "other.npz")
 
 
 def test_harmonics_recovers_amplitudes_and_phases() -> None:

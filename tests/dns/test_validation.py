@@ -1,10 +1,10 @@
 """The kept results of the fine validation against the published ranges (docs/dns.md shows them)."""
 
 import csv
-import importlib.util
+import importlib
 import json
 import math
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -14,7 +14,8 @@ import pytest
 import hbnlp
 from hbnlp import dns
 
-DATA = Path(__file__).parents[2] / "docs" / "data" / "dns"
+CAMPAIGN = Path(__file__).parents[2] / "benchmarks" / "validation" / "flow_solver"
+DATA = CAMPAIGN.parent / "results"
 # Lowest and highest published value. Steady flow:
 # S. C. R. Dennis, G.-Z. Chang, J. Fluid Mech. 42 (1970) 471-489, doi:10.1017/S0022112070001428;
 # M. Coutanceau, R. Bouard, J. Fluid Mech. 79 (1977) 231-256, doi:10.1017/S0022112077000135;
@@ -75,15 +76,11 @@ def test_kept_responses_are_those_of_the_finite_elements(channel: str | int) -> 
     assert np.all(np.log(errors[0] / errors[1]) > 1.1 * math.log(spacings[0] / spacings[1]))
 
 
-def _script(name: str) -> ModuleType:
-    path = Path(__file__).parents[2] / "benchmarks" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
+@pytest.fixture
+def campaign(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
+    """Imports a file of the campaign as a script beside it does."""
+    monkeypatch.syspath_prepend(CAMPAIGN)
+    return importlib.import_module
 
 
 def _table(name: str) -> list[list[str]]:
@@ -91,19 +88,48 @@ def _table(name: str) -> list[list[str]]:
         return list(csv.reader(stream))
 
 
-def test_tables_of_the_page_are_those_of_the_result_files() -> None:
-    script = _script("dns_tables")
-    for name, rows in script.TABLES.items():
-        assert rows() == _table(name), f"{name}.csv: run benchmarks/dns_tables.py"
+def test_tables_of_the_page_are_those_of_the_result_files(campaign: Callable[[str], ModuleType]) -> None:
+    for name, rows in campaign("write_tables").TABLES.items():
+        assert rows() == _table(name), f"{name}.csv: run write_tables.py"
 
 
-def test_table_of_coupled_runs_holds_the_lift_of_every_run() -> None:
-    script = _script("dns_against_model")
+def test_kept_results_are_written_as_the_campaign_writes_them(campaign: Callable[[str], ModuleType]) -> None:
+    """A key a line, the numbers of a key on one line."""
+    compact = campaign("results").compact
+    for path in DATA.glob("*.json"):
+        assert path.read_text() == compact(json.loads(path.read_text())) + "\n", path.name
+
+
+def test_finished_cases_are_not_run_again(
+    campaign: Callable[[str], ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results, run_cases = campaign("results"), campaign("run_cases")
+    monkeypatch.setattr(results, "RESULTS", tmp_path / "new")
+    ran: list[str] = []
+
+    def case() -> dict[str, object]:
+        ran.append("case")
+        return {"lift": results.pairs(np.array([1.0 - 2.0j])), "holds": [{"omega": 1.0}, {"omega": 2.0}]}
+
+    monkeypatch.setitem(run_cases.CASES, "case", case)
+    run_cases.run("case")
+    run_cases.run("case")
+    assert ran == ["case"]
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["case.json"]
+    lines = (tmp_path / "new" / "case.json").read_text().splitlines()
+    assert lines[:6] == ["{", ' "lift": [[1.0, -2.0]],', ' "holds": [', "  {", '   "omega": 1.0', "  },"]
+    np.testing.assert_array_equal(results.complexes(results.read("case")["lift"]), [1.0 - 2.0j])
+    with pytest.raises(SystemExit, match="no case is called other"):
+        run_cases.main(["case", "other"])
+
+
+def test_table_of_coupled_runs_holds_the_lift_of_every_run(campaign: Callable[[str], ModuleType]) -> None:
+    polar = campaign("compare_with_model").polar
     header, *rows = _table("coupled_model")
     shown = {tuple(row[:5]) for row in rows}
     for path in DATA.glob("coupled_*.json"):
         data = json.loads(path.read_text())
-        lift = script._polar(complex(*data["lift"]))
+        lift = polar(complex(*data["lift"]))
         assert (f"{data['degrees']:g}", f"{data['h']:.4f}", f"{data['dt']:.4f}", *lift) in shown, path.stem
     header, *rows = _table("branches")
     shown = {tuple(row[1:5]) for row in rows}
