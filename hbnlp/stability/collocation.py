@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import schur
 
 from hbnlp.core.types import Array, ComplexArray
+from hbnlp.systems.plant import Plant
 
 # Bytes of the matrices solved in one call. Measured: beyond a megabyte, fresh memory costs as much as LAPACK.
 _BATCH = 500_000
@@ -78,29 +78,6 @@ class Gauss:
             right=right[:, one] * twice,
             left=left[one],
         )
-
-
-class Plant(NamedTuple):
-    """The constant part of the linear equations: M, D, K (n, n), L_x (n, n_lags), A (n_lags, n_lags), B (n_lags, n)."""
-
-    mass: Array
-    damping: Array
-    stiffness: Array
-    lag_output: Array
-    lag_state: Array
-    lag_input: Array
-
-    def state_matrix(self, stiffness: Array, damping: Array) -> Array:
-        """Return the matrix of the state (q, q', x), with matrices (n, n) added to K and D."""
-        n, m = self.lag_output.shape
-        load = np.hstack([-(self.stiffness + stiffness), -(self.damping + damping), self.lag_output])
-        acceleration = np.linalg.solve(self.mass, load)
-        state = np.zeros((2 * n + m, 2 * n + m))
-        state[:n, n : 2 * n] = np.eye(n)
-        state[n : 2 * n] = acceleration
-        state[2 * n :] = self.lag_input @ acceleration
-        state[2 * n :, 2 * n :] += self.lag_state
-        return state
 
 
 class StepMaps:

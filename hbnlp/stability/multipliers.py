@@ -17,8 +17,9 @@ from scipy.optimize import linear_sum_assignment
 
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.solution import Solution
-from hbnlp.stability.collocation import Gauss, Plant, StepMaps, product, spectrum
+from hbnlp.stability.collocation import Gauss, StepMaps, product, spectrum
 from hbnlp.stability.variation import Linearisation, NodeValues, Variation
+from hbnlp.systems.plant import Plant
 from hbnlp.systems.system import System
 
 NEGLIGIBLE = 1e-6  # multipliers smaller than this need not be accurate

@@ -18,8 +18,9 @@ import numpy as np
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.types import Array
 from hbnlp.fourier import basis_derivatives, basis_values, to_real
-from hbnlp.stability.collocation import Gauss, Plant
-from hbnlp.systems.system import System, check_mass
+from hbnlp.stability.collocation import Gauss
+from hbnlp.systems.plant import Plant, check_mass
+from hbnlp.systems.system import System
 
 # Harmonics smaller than this, relative to the largest, are rounding.
 _ROUNDING = 1e-12
