@@ -35,7 +35,8 @@ from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution
 from hbnlp.solutions.solving import Ipopt, Rootfinder, solve
 from hbnlp.solutions.truncation import truncation_error
-from hbnlp.stability.multipliers import Floquet, FloquetResult, floquet
+from hbnlp.stability.multipliers import floquet
+from hbnlp.stability.result import Floquet, FloquetResult
 from hbnlp.sweeps.by_newton import Sweep
 from hbnlp.sweeps.sweeping import sweep
 from hbnlp.sweeps.time_records import TimeSweep

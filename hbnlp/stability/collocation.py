@@ -17,15 +17,12 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.linalg import schur
 
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.systems.plant import Plant
 
 # Bytes of the matrices solved in one call. Measured: beyond a megabyte, fresh memory costs as much as LAPACK.
 _BATCH = 500_000
-# Ratio of eigenvalues up to which rounding in a product of maps is harmless.
-_WIDE = 1e7
 
 
 @dataclass(frozen=True)
@@ -157,40 +154,3 @@ class StepMaps:
         maps: Array = self._gain @ unknowns
         maps += self._free
         return maps
-
-
-def product(maps: Array, keep: int = 1) -> Array:
-    """Return at most ``keep`` maps (keep, n, n) with the product of all, by a balanced tree; the first acts first."""
-    while len(maps) > keep:
-        pairs = maps[1::2] @ maps[: len(maps) // 2 * 2 : 2]
-        maps = pairs if len(maps) % 2 == 0 else np.concatenate([pairs, maps[-1:]])
-    return maps
-
-
-def spectrum(maps: Array) -> ComplexArray:
-    """Return the eigenvalues of a product of maps (k, n, n), each accurate relative to the larger of itself and one.
-
-    Rounding in the product is relative to its largest eigenvalue. If that is huge, the invariant subspace of the large
-    ones is propagated through the maps, and the rest orthogonal to it (one sweep of periodic QR), so that the small
-    ones never meet them. Where the product overflows, all are infinite.
-
-    References
-    ----------
-    K. Lust, Improved numerical Floquet multipliers, Int. J. Bifurcation Chaos 11 (2001), doi:10.1142/S0218127401003486
-    """
-    (whole,) = product(maps)
-    size = np.abs(whole).max()
-    if not np.isfinite(size):
-        return np.full(len(whole), np.inf + 0j)
-    if size < _WIDE or len(maps) == 1:
-        values: ComplexArray = np.linalg.eigvals(whole).astype(complex)
-        return values
-    form, start, large = schur(whole, output="real", sort=lambda re, im: np.hypot(re, im) > size / _WIDE)
-    if large in (0, len(whole)):
-        return spectrum(whole[None])
-    basis, rest = start, []
-    for step in maps:
-        basis, upper = np.linalg.qr(step @ basis)
-        rest.append(upper[large:, large:])
-    rest[-1] = (start.T @ basis)[large:, large:] @ rest[-1]
-    return np.concatenate([spectrum(form[None, :large, :large]), spectrum(np.array(rest))])

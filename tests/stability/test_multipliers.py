@@ -10,8 +10,10 @@ from scipy.optimize import linear_sum_assignment, root
 
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.fourier import FourierBasis, basis_derivatives
-from hbnlp.stability.collocation import Gauss, product, spectrum
-from hbnlp.stability.multipliers import Floquet, FloquetEvaluator
+from hbnlp.stability.collocation import Gauss
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import Floquet
+from hbnlp.stability.spectra import product, spectrum
 from hbnlp.systems.system import System
 
 
