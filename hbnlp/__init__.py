@@ -28,8 +28,9 @@ from hbnlp.core.errors import (
     TaskError,
 )
 from hbnlp.core.kinds import End, FoldEvent, Kind, Status
-from hbnlp.integration.methods import Adaptive, RungeKutta4
+from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.response import TimeResponse
+from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate
 from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution

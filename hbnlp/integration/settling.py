@@ -14,8 +14,8 @@ from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.types import Array
 from hbnlp.fourier import to_complex
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
-from hbnlp.integration.methods import RungeKutta4
 from hbnlp.integration.response import TimeResponse, project, respond
+from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.systems.lags import periodic_lag_states
 from hbnlp.systems.system import System
 
