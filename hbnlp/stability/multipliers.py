@@ -200,8 +200,8 @@ def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResu
     if not solution.converged:
         raise ValueError("the solution did not converge: it is no motion of the system, and has no stability")
     system, options = solution.problem.system, method or Floquet()
-    # compiled once for all solutions of the same harmonics: the usual call is in a loop over them
-    evaluate: FloquetEvaluator = system.kept.get(
+    # compiled once for all solutions of a problem: the usual call is in a loop over them
+    evaluate: FloquetEvaluator = solution.problem.kept.get(
         (FloquetEvaluator, solution.periods, solution.n_harmonics, options),
         lambda: FloquetEvaluator(system, solution.periods, solution.n_harmonics, options),
     )

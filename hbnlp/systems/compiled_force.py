@@ -76,8 +76,8 @@ class CompiledForce:
 
     @cached_property
     def _entries(self) -> ca.SX:
-        by_q, by_v = self._tangents
-        return ca.cse(ca.densify(ca.vertcat(by_q.nz[:], by_v.nz[:])))
+        nonzeros = [entry for matrix in self._tangents for entry in matrix.nonzeros()]
+        return ca.cse(ca.vertcat(*nonzeros)) if nonzeros else ca.SX(0, 1)
 
     def _along(self, name: str, expression: ca.SX) -> ca.Function:
         point = (self._q, self._v, self._p)

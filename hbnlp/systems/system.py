@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import unknown_name
 from hbnlp.core.errors import NonFiniteError
-from hbnlp.core.kept import Kept
 from hbnlp.core.types import Array
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.expressions import (
@@ -63,11 +61,6 @@ class System:
     name : str
         Used in the repr, in plots and in saved files.
 
-    Attributes
-    ----------
-    kept : Kept
-        What analyses compile from the system and ask for again.
-
     Raises
     ------
     ValueError
@@ -109,7 +102,6 @@ class System:
         name: str = "system",
     ) -> None:
         self.name = name
-        self.kept: Kept[Any] = Kept(8)
         self.parameters = ParameterSet(parameters or {})
         self.p = ca.SX.sym("p", len(self.parameters.names))
         self.tau = ca.SX.sym("tau")

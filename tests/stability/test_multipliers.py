@@ -506,3 +506,13 @@ def test_the_spectrum_of_a_wide_product_is_that_of_its_factors():
     maps = np.array([turns[(k + 1) % 12] @ np.diag(growth) @ turns[k].T for k in range(12)])
     values = np.sort(np.abs(spectrum(maps)))[::-1]
     np.testing.assert_allclose(values[:4], growth[:4] ** 12, rtol=1e-10)
+
+
+def test_a_force_of_the_velocity_alone_of_one_degree_of_freedom_has_the_determinant_of_its_damping():
+    """f = c v^3: by Liouville's formula log |det| = -T (d + 3 c mean(v^2))."""
+    damping, c, omega = 0.1, 0.3, 1.1
+    system = System([[1.0]], [[damping]], [[1.0]], nonlinear_force=lambda q, v, tau, p: [c * v[0] ** 3])
+    x = np.array([[0.0, 0.6, -0.8, 0.0, 0.0, 0.1, 0.0]])
+    mean_square = omega**2 * (1.0 + (3 * 0.1) ** 2) / 2.0
+    result = monodromy(system, x, [omega])
+    assert result.log_determinant == pytest.approx(-result.period * (damping + 3 * c * mean_square), rel=1e-9)
