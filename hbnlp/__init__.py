@@ -30,8 +30,9 @@ from hbnlp.core.errors import (
     TaskError,
 )
 from hbnlp.core.kinds import End, FoldEvent, Kind, Status
-from hbnlp.integration.methods import Adaptive, RungeKutta4
+from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.response import TimeResponse
+from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate
 from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.solutions.rootfinder import Rootfinder
@@ -39,7 +40,8 @@ from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution
 from hbnlp.solutions.solving import solve
 from hbnlp.solutions.truncation import truncation_error
-from hbnlp.stability.multipliers import Floquet, FloquetResult, floquet
+from hbnlp.stability.multipliers import floquet
+from hbnlp.stability.result import Floquet, FloquetResult
 from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.sweeps.sweeping import sweep
 from hbnlp.systems.linear_stability import eigenvalues, stability_limits

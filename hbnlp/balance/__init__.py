@@ -1,1 +1,1 @@
-"""Harmonic balance: how a force is sampled, linear terms and force assembled, the residual as symbols, the problem."""
+"""Harmonic balance: the policy of sampling, linear terms and force in numbers, the balance as symbols, the problem."""

@@ -1,13 +1,119 @@
-"""How many samples a period a force needs, so that products of harmonics do not fold back onto the retained ones."""
+"""The policy of sampling: how many samples a period suffice, so that harmonics do not fold back onto the retained ones.
+
+Products of harmonics in a polynomial force have a known highest harmonic, and so a number of samples that is exact. The
+number for any other force is a start: it is doubled until the residual stays.
+"""
 
 from __future__ import annotations
 
-import casadi as ca
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil
 
+import casadi as ca
+import numpy as np
+
+from hbnlp.fourier import FourierBasis
+from hbnlp.systems.excitation import of_harmonics
 from hbnlp.systems.system import System
 
 HIGHEST_DEGREE = 9
 MOST_SAMPLES = 8192
+ALIASING_TOL = 1e-9
+"""More samples of the force must not move the residual by more than this, relative to its terms."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """At how many phases of a solution's period the force, the excitation and the outputs are sampled.
+
+    Attributes
+    ----------
+    n_harmonics, periods : int
+        Harmonics that are retained; forcing periods in a period of the solution.
+    n_samples : int
+        Samples of the force.
+    settled : bool
+        Whether these are known to do: exact for the force, or the user's word. Otherwise they are to be checked.
+    degree : int or None
+        Of the force as a polynomial.
+    automatic : bool
+        Whether the number is by the degree alone; if not, it was given by the user, or had to be raised.
+    """
+
+    n_harmonics: int
+    periods: int
+    n_samples: int
+    settled: bool
+    degree: int | None
+    automatic: bool
+
+    @classmethod
+    def of(cls, system: System, n_harmonics: int, periods: int = 1, n_samples: int | None = None) -> Sampling:
+        """Return the policy for a system; ``n_samples``, where given, is what the force takes."""
+        n_harmonics, periods = _whole("n_harmonics", n_harmonics), _whole("periods", periods)
+        given = None if n_samples is None else _whole("n_samples", n_samples)
+        policy = cls._automatic(n_harmonics, periods, polynomial_degree(system))
+        return policy if given is None else dataclasses.replace(policy, n_samples=given, settled=True, automatic=False)
+
+    @classmethod
+    def _automatic(cls, n_harmonics: int, periods: int, degree: int | None) -> Sampling:
+        n_samples = sufficient_samples(n_harmonics, degree)
+        return cls(n_harmonics, periods, n_samples, settled=degree is not None, degree=degree, automatic=True)
+
+    @cached_property
+    def force(self) -> FourierBasis:
+        """Samples of the force."""
+        return FourierBasis(self.n_harmonics, self.n_samples)
+
+    @cached_property
+    def excitation(self) -> FourierBasis:
+        """Samples of forcing and prescribed motion."""
+        return FourierBasis(self.n_harmonics, of_harmonics(self.n_harmonics, self.periods))
+
+    @cached_property
+    def outputs(self) -> FourierBasis:
+        """Samples of the outputs."""
+        return FourierBasis(self.n_harmonics, max(self.n_samples, 8 * self.n_harmonics + 1))
+
+    def with_harmonics(self, n_harmonics: int) -> Sampling:
+        """Return the policy for another number of harmonics.
+
+        Where the number of samples was given, or had to be raised, there are no fewer, nor fewer a harmonic.
+        """
+        other = Sampling._automatic(_whole("n_harmonics", n_harmonics), self.periods, self.degree)
+        if self.automatic:
+            return other
+        in_proportion = ceil(self.n_samples * max(1.0, n_harmonics / self.n_harmonics))
+        n_samples = max(other.n_samples, min(in_proportion, max(MOST_SAMPLES, self.n_samples)))
+        return dataclasses.replace(other, n_samples=n_samples, settled=self.settled, automatic=False)
+
+    def doubled(self) -> Sampling:
+        """Return the policy with twice the samples of the force, still to be checked.
+
+        Raises
+        ------
+        ValueError
+            If these are more than a smooth force would need.
+        """
+        if 2 * self.n_samples > MOST_SAMPLES:
+            raise ValueError(
+                f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
+                "it is not smooth enough for this tolerance; smooth it or pass n_samples"
+            )
+        return dataclasses.replace(self, n_samples=2 * self.n_samples, settled=False, automatic=False)
+
+
+def sufficient_samples(n_harmonics: int, degree: int | None) -> int:
+    """Return the samples that are exact for a polynomial force, (d + 1) H + 1, or a start for doubling (d = 7)."""
+    return ((7 if degree is None else max(degree, 1)) + 1) * n_harmonics + 1
+
+
+def _whole(name: str, value: int) -> int:
+    if not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name} = {value!r}; a whole number of at least 1 is needed")
+    return int(value)
 
 
 def polynomial_degree(system: System) -> int | None:
@@ -16,8 +122,7 @@ def polynomial_degree(system: System) -> int | None:
     The degree is carried through the operations of the force one by one, so that it holds whatever the units and the
     parameter values: an upper bound (at least 1), exact unless terms cancel. Degrees above 9 count as no polynomial.
     """
-    arguments = [system.q, system.v, system.tau, system.p]
-    force = ca.Function("force", arguments, [ca.densify(system.force)])
+    force = system.compiled_force.value
     degrees: dict[int, int | None] = {}
     constants: dict[int, float] = {}
     highest = 1
@@ -63,8 +168,3 @@ def _degree(operation: int, degrees: list[int | None], exponent: float | None) -
     else:
         degree = first if operation == ca.OP_DIV and last == 0 else None
     return degree
-
-
-def sufficient_samples(n_harmonics: int, degree: int | None) -> int:
-    """Return the samples that are exact for a polynomial force, (d + 1) H + 1, or a start for doubling (d = 7)."""
-    return ((7 if degree is None else max(degree, 1)) + 1) * n_harmonics + 1

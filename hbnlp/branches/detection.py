@@ -13,7 +13,8 @@ from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import Kind
 from hbnlp.solutions.equations import Equations
-from hbnlp.stability.multipliers import FloquetEvaluator, FloquetResult
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import FloquetResult
 
 
 class Detector:

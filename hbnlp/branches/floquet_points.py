@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import Kind
 from hbnlp.core.types import ComplexArray
-from hbnlp.stability.multipliers import FloquetResult
+from hbnlp.stability.result import FloquetResult
 
 Multipliers = Callable[[Point], FloquetResult]
 

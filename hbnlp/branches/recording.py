@@ -13,7 +13,7 @@ from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import End
 from hbnlp.solutions.equations import Equations
-from hbnlp.stability.multipliers import FloquetResult
+from hbnlp.stability.result import FloquetResult
 
 
 @dataclass(frozen=True, kw_only=True)

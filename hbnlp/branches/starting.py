@@ -17,7 +17,7 @@ from hbnlp.solutions.cold_start import linear_guess
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.solutions.solving import solve
-from hbnlp.stability.multipliers import Floquet
+from hbnlp.stability.result import Floquet
 
 RESUMABLE_RESIDUAL = 1e-6
 SOLVED = 1e-9

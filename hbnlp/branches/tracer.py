@@ -20,7 +20,8 @@ from hbnlp.core.checks import instance_of
 from hbnlp.core.interrupts import guarded
 from hbnlp.core.kinds import End, Kind
 from hbnlp.solutions.solution import Solution
-from hbnlp.stability.multipliers import Floquet, FloquetEvaluator
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import Floquet
 from hbnlp.systems.linear_stability import check_linear_stability
 
 DEFAULT_STABILITY = Floquet()

@@ -17,7 +17,7 @@ from hbnlp.core.checks import list_of_callables
 from hbnlp.core.kinds import End
 from hbnlp.core.tasks import INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.solutions.solution import Solution
-from hbnlp.stability.multipliers import Floquet
+from hbnlp.stability.result import Floquet
 
 logger = logging.getLogger(__name__)
 

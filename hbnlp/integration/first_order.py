@@ -17,6 +17,7 @@ from typing import NamedTuple, Protocol, final, runtime_checkable
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.kept import Kept
 from hbnlp.core.types import Array
 from hbnlp.systems.system import System
 
@@ -72,9 +73,8 @@ class FirstOrderForm:
         p, gain, inverse = ca.vertsplit(packed, [0, n_p, n_p + n * size, self.n_packed])
         q, v, x = ca.vertsplit(y, [0, n, 2 * n, size])
         load, drive = system.excitation(tau, p)
-        if not system.force.is_zero():
-            arguments = [system.q, system.v, system.tau, system.p]
-            load -= ca.Function("force", arguments, [ca.densify(system.force)])(q, v, tau, p)
+        if system.is_nonlinear:
+            load -= system.compiled_force.value(q, v, tau, p)
         a = ca.reshape(gain, n, size) @ y + ca.reshape(inverse, n, n) @ load
         dx = ca.sparsify(ca.DM(system.lag_state)) @ x + ca.sparsify(ca.DM(system.lag_input)) @ a + drive
         rate = ca.densify(ca.vertcat(v, a, dx)) / p[system.parameters.index("omega")]
@@ -83,7 +83,7 @@ class FirstOrderForm:
         self.rate = scalars if scalars.n_instructions() <= FEW_INSTRUCTIONS else matrices
         self.acceleration = ca.Function("acceleration", [y, tau, packed], [ca.densify(a)])
         self.jacobian = ca.Function("jacobian", [y, tau, packed], [ca.densify(ca.jacobian(rate, y))])
-        self._compiled: dict[Hashable, ca.Function] = {}
+        self._kept: Kept[ca.Function] = Kept(8)
 
     def pack(self, values: Array) -> Array:
         """Return parameter values, ``M^-1 [-K, -D, L_x]`` and ``M^-1`` as one vector (n_packed,)."""
@@ -103,6 +103,4 @@ class FirstOrderForm:
 
     def compiled(self, key: Hashable, build: Callable[[], ca.Function]) -> ca.Function:
         """Return what ``build`` returned when it was first asked for under this key."""
-        if key not in self._compiled:
-            self._compiled[key] = build()
-        return self._compiled[key]
+        return self._kept.get(key, build)

@@ -15,8 +15,8 @@ from hbnlp.core.tasks import Observers, Report
 from hbnlp.core.types import Array
 from hbnlp.fourier import to_complex
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
-from hbnlp.integration.methods import RungeKutta4
 from hbnlp.integration.response import TimeResponse, project, respond
+from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.systems.lags import periodic_lag_states
 from hbnlp.systems.system import System
 

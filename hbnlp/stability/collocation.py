@@ -14,18 +14,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.linalg import schur
 
 from hbnlp.core.types import Array, ComplexArray
+from hbnlp.systems.plant import Plant
 
 # Bytes of the matrices solved in one call. Measured: beyond a megabyte, fresh memory costs as much as LAPACK.
 _BATCH = 500_000
-# Ratio of eigenvalues up to which rounding in a product of maps is harmless.
-_WIDE = 1e7
 
 
 @dataclass(frozen=True)
@@ -78,29 +75,6 @@ class Gauss:
             right=right[:, one] * twice,
             left=left[one],
         )
-
-
-class Plant(NamedTuple):
-    """The constant part of the linear equations: M, D, K (n, n), L_x (n, n_lags), A (n_lags, n_lags), B (n_lags, n)."""
-
-    mass: Array
-    damping: Array
-    stiffness: Array
-    lag_output: Array
-    lag_state: Array
-    lag_input: Array
-
-    def state_matrix(self, stiffness: Array, damping: Array) -> Array:
-        """Return the matrix of the state (q, q', x), with matrices (n, n) added to K and D."""
-        n, m = self.lag_output.shape
-        load = np.hstack([-(self.stiffness + stiffness), -(self.damping + damping), self.lag_output])
-        acceleration = np.linalg.solve(self.mass, load)
-        state = np.zeros((2 * n + m, 2 * n + m))
-        state[:n, n : 2 * n] = np.eye(n)
-        state[n : 2 * n] = acceleration
-        state[2 * n :] = self.lag_input @ acceleration
-        state[2 * n :, 2 * n :] += self.lag_state
-        return state
 
 
 class StepMaps:
@@ -180,40 +154,3 @@ class StepMaps:
         maps: Array = self._gain @ unknowns
         maps += self._free
         return maps
-
-
-def product(maps: Array, keep: int = 1) -> Array:
-    """Return at most ``keep`` maps (keep, n, n) with the product of all, by a balanced tree; the first acts first."""
-    while len(maps) > keep:
-        pairs = maps[1::2] @ maps[: len(maps) // 2 * 2 : 2]
-        maps = pairs if len(maps) % 2 == 0 else np.concatenate([pairs, maps[-1:]])
-    return maps
-
-
-def spectrum(maps: Array) -> ComplexArray:
-    """Return the eigenvalues of a product of maps (k, n, n), each accurate relative to the larger of itself and one.
-
-    Rounding in the product is relative to its largest eigenvalue. If that is huge, the invariant subspace of the large
-    ones is propagated through the maps, and the rest orthogonal to it (one sweep of periodic QR), so that the small
-    ones never meet them. Where the product overflows, all are infinite.
-
-    References
-    ----------
-    K. Lust, Improved numerical Floquet multipliers, Int. J. Bifurcation Chaos 11 (2001), doi:10.1142/S0218127401003486
-    """
-    (whole,) = product(maps)
-    size = np.abs(whole).max()
-    if not np.isfinite(size):
-        return np.full(len(whole), np.inf + 0j)
-    if size < _WIDE or len(maps) == 1:
-        values: ComplexArray = np.linalg.eigvals(whole).astype(complex)
-        return values
-    form, start, large = schur(whole, output="real", sort=lambda re, im: np.hypot(re, im) > size / _WIDE)
-    if large in (0, len(whole)):
-        return spectrum(whole[None])
-    basis, rest = start, []
-    for step in maps:
-        basis, upper = np.linalg.qr(step @ basis)
-        rest.append(upper[large:, large:])
-    rest[-1] = (start.T @ basis)[large:, large:] @ rest[-1]
-    return np.concatenate([spectrum(form[None, :large, :large]), spectrum(np.array(rest))])

@@ -6,122 +6,25 @@ by Gauss collocation for all initial states at once; the mesh is refined until t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from math import ceil
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
-from scipy.optimize import linear_sum_assignment
 
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.solution import Solution
-from hbnlp.stability.collocation import Gauss, Plant, StepMaps, product, spectrum
+from hbnlp.stability.collocation import Gauss, StepMaps
+from hbnlp.stability.result import Floquet, FloquetResult
+from hbnlp.stability.spectra import NEGLIGIBLE, distance, ordered, product, spectrum
 from hbnlp.stability.variation import Linearisation, NodeValues, Variation
+from hbnlp.systems.plant import Plant
 from hbnlp.systems.system import System
 
-NEGLIGIBLE = 1e-6  # multipliers smaller than this need not be accurate
+__all__ = ["NEGLIGIBLE", "Floquet", "FloquetEvaluator", "FloquetResult", "floquet"]
+
 _RESOLVED = 0.1  # two meshes whose multipliers differ by more are both too coarse to learn from
-
-
-@dataclass(frozen=True, kw_only=True)
-class Floquet:
-    """Options of the Floquet analysis.
-
-    Parameters
-    ----------
-    tol : float
-        Bound of the error of every multiplier mu of modulus above 1e-6, relative to max(1, abs(mu)).
-    nodes : int
-        Gauss nodes an interval, 1 to 10; the method has order ``2 * nodes``.
-    intervals : int, optional
-        Intervals a period to begin with; by default taken from the highest frequency of the mean linearised system.
-    max_intervals : int
-        Where refinement ends; the result then says that it has not converged.
-    """
-
-    tol: float = 1e-6
-    nodes: int = 8
-    intervals: int | None = None
-    max_intervals: int = 8192
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.tol < 1.0:
-            raise ValueError(f"tol is {self.tol!r}; a number between 0 and 1 is needed, for instance 1e-6")
-        if not 1 <= self.nodes <= 10:
-            raise ValueError(f"nodes is {self.nodes!r}; 1 to 10 are possible, and 8 is good for most systems")
-        if self.max_intervals < 2:
-            raise ValueError(f"max_intervals is {self.max_intervals!r}; at least 2 are needed, to compare two meshes")
-        if self.intervals is not None and not 1 <= self.intervals <= self.max_intervals:
-            raise ValueError(f"intervals is {self.intervals!r}; 1 to max_intervals = {self.max_intervals} are possible")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FloquetResult:
-    """Floquet multipliers of one periodic solution.
-
-    Attributes
-    ----------
-    multipliers : (n_state,), complex
-        By decreasing modulus.
-    monodromy : (n_state, n_state)
-        The map of the state (q, q', x) over one period, from theta = 0.
-    period : float
-    log_determinant : float
-        Logarithm of the modulus of the monodromy matrix's determinant, summed over the step maps (no underflow).
-    error : float
-        Estimate, on the safe side, of the largest error of the multipliers relative to max(1, abs(mu)).
-    n_intervals : int
-        Intervals a period of the finest mesh; 0 where the coefficients are constant and the exponential is exact.
-    next_intervals : int
-        Intervals that a neighbouring solution of the same period is expected to need.
-    options : Floquet
-    """
-
-    multipliers: ComplexArray
-    monodromy: Array = field(repr=False)
-    period: float
-    log_determinant: float
-    error: float
-    n_intervals: int
-    next_intervals: int
-    options: Floquet
-
-    @property
-    def converged(self) -> bool:
-        """Whether the error is within the tolerance; if not, ``message`` says what to do."""
-        return self.error <= self.options.tol
-
-    @property
-    def message(self) -> str:
-        """What became of it, and what to do."""
-        if self.converged:
-            return "converged"
-        if not np.isfinite(self.multipliers).all():
-            return "not converged: the multipliers overflow; the solution is unstable beyond any number"
-        tol, limit = self.options.tol, self.options.max_intervals
-        return f"not converged to {tol:g} within {limit} intervals; increase max_intervals or tol"
-
-    @property
-    def stable(self) -> bool:
-        """Whether no multiplier lies outside the unit circle by more than the tolerance."""
-        return bool(abs(self.multipliers[0]) <= 1.0 + self.options.tol)
-
-    @property
-    def exponents(self) -> ComplexArray:
-        """Floquet exponents ``log(mu) / period``, imaginary parts within half the solution's frequency."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(np.log(self.multipliers) / self.period, dtype=complex)
-
-    def __repr__(self) -> str:
-        leading = ", ".join(f"{mu:.8g}" for mu in self.multipliers[:4])
-        more = f", ... ({len(self.multipliers)})" if len(self.multipliers) > 4 else ""
-        return (
-            f"FloquetResult: {'stable' if self.stable else 'unstable'}, period {self.period:.6g}\n"
-            f"  multipliers: {leading}{more}\n"
-            f"  error {self.error:.1e}, {self.n_intervals} intervals of {self.options.nodes} nodes: {self.message}"
-        )
 
 
 class _OnMesh(NamedTuple):
@@ -197,7 +100,7 @@ class FloquetEvaluator:
 
         before, now = on(coarse, variation.at), on(fine, variation.at)
         while True:
-            change = _distance(before.multipliers, now.multipliers)
+            change = distance(before.multipliers, now.multipliers)
             ratio = (coarse / fine) ** (0.5 * nodes if variation.smooth else 1.0)
             error = change * ratio / (1.0 - ratio)
             if error <= tol or fine == limit:
@@ -260,14 +163,14 @@ class FloquetEvaluator:
             multipliers = spectrum(joined) ** repeats
         if not np.isfinite(multipliers).all():
             multipliers = np.full(len(multipliers), np.inf + 0j)
-        return _OnMesh(_sorted(multipliers), joined, log_determinant)
+        return _OnMesh(ordered(multipliers), joined, log_determinant)
 
     def _exact(self, matrix: Array, period: float) -> FloquetResult:
         """Return the result for constant coefficients."""
         with np.errstate(over="ignore", invalid="ignore"):
             multipliers, monodromy = np.exp(np.linalg.eigvals(matrix) * period), expm(matrix * period)
         return FloquetResult(
-            multipliers=_sorted(multipliers.astype(complex)),
+            multipliers=ordered(multipliers.astype(complex)),
             monodromy=monodromy,
             period=period,
             log_determinant=float(np.trace(matrix) * period),
@@ -296,21 +199,10 @@ def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResu
         raise ValueError("a solution from a file has no problem, and so no equations; solve it again from there")
     if not solution.converged:
         raise ValueError("the solution did not converge: it is no motion of the system, and has no stability")
-    system = solution.problem.system
-    evaluate = FloquetEvaluator(system, solution.periods, solution.n_harmonics, method)
-    return evaluate(solution.coefficients, [solution.parameters[name] for name in system.parameters.names])
-
-
-def _sorted(multipliers: ComplexArray) -> ComplexArray:
-    """Return multipliers by decreasing modulus, of a pair the one with positive imaginary part first."""
-    return multipliers[np.lexsort((-multipliers.imag, -np.abs(multipliers)))]
-
-
-def _distance(one: ComplexArray, other: ComplexArray) -> float:
-    """Return the largest difference of two sets of multipliers, paired, relative to max(1, abs(mu))."""
-    modulus = np.maximum.outer(np.abs(one), np.abs(other))
-    if not np.isfinite(modulus).all():
-        return np.inf
-    difference = np.abs(np.subtract.outer(one, other)) / np.maximum(modulus, 1.0)
-    difference[modulus < NEGLIGIBLE] = 0.0
-    return float(difference[linear_sum_assignment(difference)].max())
+    system, options = solution.problem.system, method or Floquet()
+    # compiled once for all solutions of a problem: the usual call is in a loop over them
+    evaluate: FloquetEvaluator = solution.problem.kept.get(
+        (FloquetEvaluator, solution.periods, solution.n_harmonics, options),
+        lambda: FloquetEvaluator(system, solution.periods, solution.n_harmonics, options),
+    )
+    return evaluate(solution.coefficients, system.parameters.ordered(solution.parameters))

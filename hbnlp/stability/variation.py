@@ -10,20 +10,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 from math import gcd
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from hbnlp.core.errors import NonFiniteError
+from hbnlp.core.kept import Kept
+from hbnlp.core.native import PerThread, bound
 from hbnlp.core.types import Array
 from hbnlp.fourier import basis_derivatives, basis_values, to_real
-from hbnlp.stability.collocation import Gauss, Plant
-from hbnlp.systems.system import System, check_mass
+from hbnlp.stability.collocation import Gauss
+from hbnlp.systems.plant import Plant, check_mass
+from hbnlp.systems.system import System
 
 # Harmonics smaller than this, relative to the largest, are rounding.
 _ROUNDING = 1e-12
 _MOST_SAMPLES = 1024
+# Numbers of samples whose memory is kept: those of a mesh and of the next ones.
+_MOST_SAMPLERS = 16
 
 # (intervals in the repeating part, first, last) -> entries at the nodes of intervals first..last-1
 NodeValues = Callable[[int, int, int], Array]
@@ -69,25 +73,14 @@ class Linearisation:
         self.system, self.periods, self.n_harmonics = system, periods, n_harmonics
         self._nodes, self._tol = nodes, tol
         self._omega = system.parameters.index("omega")
-        n, m = system.n_dof, system.n_lags
-        by_q, by_v = ca.jacobian(system.force, system.q), ca.jacobian(system.force, system.v)
-        triplets = (np.array(e.sparsity().get_triplet(), dtype=int) for e in (by_q, by_v))
-        self._places = [rows * n + columns for rows, columns in triplets]
-        entries = ca.cse(ca.densify(ca.vertcat(by_q.nz[:], by_v.nz[:])))
-        self._n_entries = entries.numel()
-        self._entries = ca.Function("entries", [system.q, system.v, system.tau, system.p], [entries])
-        self._samplers: dict[int, tuple[Callable[[], None], list[Array]]] = {}
-
-        # The memory is CasADi's column-major: arrays transposed. It belongs to the buffer for ever.
-        self._matrices = [np.zeros(shape) for shape in ((n, n), (n, n), (n, n), (m, n))]
-        self._values = np.zeros(len(system.parameters.names))
-        self._trigger = _connect(system.matrices, [self._values], self._matrices)
+        force = system.compiled_force
+        self._places = [rows * system.n_dof + columns for rows, columns in (force.places_q, force.places_v)]
+        self._n_entries = force.derivatives.nnz_out(0)
+        self._memory = PerThread(lambda: _Memory(system))
 
     def plant(self, values: Array) -> Plant:
         """Return the constant matrices at the parameter values; a singular mass matrix is a ValueError."""
-        self._values[:] = values
-        self._trigger()
-        mass, damping, stiffness, lag_output = (matrix.T.copy() for matrix in self._matrices)
+        mass, damping, stiffness, lag_output = self._memory().matrices(values)
         check_mass(mass)
         return Plant(mass, damping, stiffness, lag_output, self.system.lag_state, self.system.lag_input)
 
@@ -145,17 +138,12 @@ class Linearisation:
         return at
 
     def _sample(self, theta: Array, sampling: Array, slope: Array, coefficients: Array, values: Array) -> Array:
-        count = len(theta)
-        if count not in self._samplers:
-            widths = (self.system.n_dof, self.system.n_dof, 1, len(values), self._n_entries)
-            memory = [np.zeros((count, width)) for width in widths]
-            self._samplers[count] = _connect(self._entries.map(count), memory[:4], memory[4:]), memory
-        trigger, (q, v, tau, p, entries) = self._samplers[count]
+        evaluate, (q, v, tau, p, entries) = self._memory().sampler(len(theta))
         np.matmul(sampling, coefficients.T, out=q)
         np.matmul(slope, coefficients.T * (values[self._omega] / self.periods), out=v)
         np.multiply(theta, self.periods, out=tau[:, 0])
         p[:] = values
-        trigger()
+        evaluate()
         if not np.isfinite(entries).all():
             where = theta[~np.isfinite(entries).all(axis=1)][0]
             raise NonFiniteError(
@@ -164,20 +152,34 @@ class Linearisation:
         return entries
 
 
-def _connect(function: ca.Function, arguments: list[Array], results: list[Array]) -> Callable[[], None]:
-    """Return what evaluates a CasADi function from and to these arrays."""
-    buffer, trigger = function.buffer()
-    for i, array in enumerate(arguments):
-        buffer.set_arg(i, array.data)
-    for i, array in enumerate(results):
-        if array.size:
-            buffer.set_res(i, array.data)
+class _Memory:
+    """Where one thread evaluates the matrices of a system, and the derivatives of f at some numbers of samples."""
 
-    # CasADi keeps bare pointers: buffer, function and arrays must live as long as the trigger.
-    def evaluate(_kept: tuple[Any, ...] = (buffer, function, arguments, results)) -> None:
-        trigger()
+    def __init__(self, system: System) -> None:
+        self._system = system
+        n, m = system.n_dof, system.n_lags
+        self._values = np.zeros(len(system.parameters.names))
+        self._matrices = [np.zeros(shape) for shape in ((n, n), (n, n), (n, n), (m, n))]
+        inputs = [np.zeros((system.n_inputs, n)) for _ in range(3)]
+        self._evaluate = bound(system.matrices, [self._values], [*self._matrices, *inputs])
+        self._samplers: Kept[tuple[Callable[[], None], list[Array]]] = Kept(_MOST_SAMPLERS)
 
-    return evaluate
+    def matrices(self, values: Array) -> list[Array]:
+        """Return M, D, K and L_x at parameter values."""
+        self._values[:] = values
+        self._evaluate()
+        return [matrix.T.copy() for matrix in self._matrices]
+
+    def sampler(self, count: int) -> tuple[Callable[[], None], list[Array]]:
+        """Return what evaluates the entries of f_q and f_v, and its arrays (count, ...) of q, v, tau, p and entries."""
+
+        def build() -> tuple[Callable[[], None], list[Array]]:
+            function, system = self._system.compiled_force.derivatives, self._system
+            widths = (system.n_dof, system.n_dof, 1, self._values.size, function.nnz_out(0))
+            arrays = [np.zeros((count, width)) for width in widths]
+            return bound(function.map(count), arrays[:4], arrays[4:]), arrays
+
+        return self._samplers.get(count, build)
 
 
 def _phases(intervals: int, nodes: int, first: int, last: int) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.types import ComplexArray
 from hbnlp.fourier import FourierBasis, to_complex
+from hbnlp.systems.excitation import OF_FIRST_HARMONIC
 from hbnlp.systems.system import System
 
 
@@ -45,8 +46,9 @@ def linear_response(
     frequencies = np.asarray(omega, dtype=float)
     slot = system.parameters.index("omega")
     base = system.parameters.values(at, but=("omega",))
-    basis = FourierBasis(1, 64)
-    excitation, outputs, slopes = system.excitation.map(64), system.outputs.map(64), _output_slopes(system, index)
+    count = OF_FIRST_HARMONIC
+    basis = FourierBasis(1, count)
+    excitation, outputs, slopes = system.excitation.map(count), system.outputs.map(count), _output_slopes(system, index)
     n, m = system.n_dof, system.n_lags
     laws = [system.mass, system.damping, system.stiffness, system.lag_output, system.force]
     varies = any(ca.depends_on(law, system.p[slot]) for law in laws)
@@ -56,7 +58,7 @@ def linear_response(
         values = base.copy()
         values[slot] = frequencies[position]
         s = 1j * values[slot]
-        parameters = np.tile(values[:, np.newaxis], 64)
+        parameters = np.tile(values[:, np.newaxis], count)
         load, lag_load = (_first(basis, e) for e in excitation(basis.theta[np.newaxis, :], parameters))
         if held:
             lags = np.linalg.solve(s * np.eye(m) - system.lag_state, lag_load) if m else lag_load
@@ -69,7 +71,7 @@ def linear_response(
             state = np.linalg.solve(s * np.eye(2 * n + m) - matrix, drive)
         q, v, x = state[:n], state[n : 2 * n], state[2 * n :]
         signals = np.concatenate([q, v, s * v, x])
-        still = [np.zeros((size, 64)) for size in (n, n, n, m)]
+        still = [np.zeros((size, count)) for size in (n, n, n, m)]
         direct = _first(basis, outputs(*still, basis.theta[np.newaxis, :], parameters))[index]
         amplitudes[position] = direct + np.array(slopes(values))[0] @ signals
     return amplitudes

@@ -90,6 +90,21 @@ class ParameterSet:
             )
         return np.array([merged[name] for name in self.names])
 
+    def ordered(self, mapping: Mapping[str, float]) -> Array:
+        """Return the values of a mapping that has every parameter, in order, whatever the order of the mapping.
+
+        Raises
+        ------
+        KeyError
+            For a name that is not known, or a parameter that is missing; it tells the nearest name.
+        """
+        for name in mapping:
+            self.index(name)
+        for name in self.names:
+            if name not in mapping:
+                raise KeyError(f"parameter {name!r} is missing (given: {', '.join(mapping) or 'none'})")
+        return np.array([mapping[name] for name in self.names], dtype=float)
+
     def as_dict(self, values: Iterable[float]) -> dict[str, float]:
         """Return the values as a dictionary by name."""
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}

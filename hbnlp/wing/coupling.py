@@ -20,7 +20,8 @@ import numpy as np
 from hbnlp.aero import AeroROM
 from hbnlp.core.checks import instance_of, unknown_name
 from hbnlp.core.types import Array
-from hbnlp.systems.system import Output, System
+from hbnlp.systems.expressions import Output
+from hbnlp.systems.system import System
 from hbnlp.wing.membrane import Membrane
 
 Motion = Callable[[Any, Any], Any]

@@ -6,8 +6,8 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from hbnlp.balance.problem import ALIASING_TOL, HarmonicBalance
-from hbnlp.balance.sampling import polynomial_degree, sufficient_samples
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.balance.sampling import ALIASING_TOL, polynomial_degree, sufficient_samples
 from hbnlp.branches.tracing import trace
 from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing, tuned_absorber

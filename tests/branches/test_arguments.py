@@ -9,7 +9,7 @@ from hbnlp.branches.tracing import trace
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.callbacks import ProgressBar
 from hbnlp.solutions.solving import solve
-from hbnlp.stability.multipliers import Floquet
+from hbnlp.stability.result import Floquet
 from hbnlp.systems.system import System
 
 BAD_SPANS = {

@@ -15,7 +15,7 @@ from hbnlp.branches.tracing import trace
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.kinds import End, Kind
 from hbnlp.solutions.solving import solve
-from hbnlp.stability.multipliers import Floquet
+from hbnlp.stability.result import Floquet
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch

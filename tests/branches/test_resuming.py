@@ -10,7 +10,7 @@ from hbnlp.branches.tracer import Tracer
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.kinds import End
-from hbnlp.stability.multipliers import Floquet
+from hbnlp.stability.result import Floquet
 from hbnlp.systems import duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch

@@ -9,7 +9,7 @@ from hbnlp.branches.tracer import Tracer
 from hbnlp.branches.tracing import trace
 from hbnlp.core.kinds import End
 from hbnlp.solutions.solving import solve
-from hbnlp.stability.multipliers import Floquet
+from hbnlp.stability.result import Floquet
 from hbnlp.systems import duffing
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch

@@ -10,7 +10,7 @@ from hbnlp.aero import thin_airfoil
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.tracing import trace
 from hbnlp.fourier import FourierBasis, to_complex
-from hbnlp.integration.methods import Adaptive
+from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.settling import integrate, state_of
 from hbnlp.solutions.solving import solve
 from hbnlp.systems import duffing, tuned_absorber

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hbnlp.core.errors import ConvergenceError
-from hbnlp.integration.methods import Adaptive, RungeKutta4
+from hbnlp.integration.cvodes import Adaptive
+from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate
 from hbnlp.systems.system import System
 

@@ -9,8 +9,9 @@ import pytest
 from hbnlp.core.callbacks import StopTracing
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.fourier import to_real
+from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.first_order import FirstOrderForm
-from hbnlp.integration.methods import Adaptive, RungeKutta4
+from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate, state_of
 from hbnlp.systems import duffing
 from hbnlp.systems.system import System

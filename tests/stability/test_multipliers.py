@@ -10,8 +10,10 @@ from scipy.optimize import linear_sum_assignment, root
 
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.fourier import FourierBasis, basis_derivatives
-from hbnlp.stability.collocation import Gauss, product, spectrum
-from hbnlp.stability.multipliers import Floquet, FloquetEvaluator
+from hbnlp.stability.collocation import Gauss
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import Floquet
+from hbnlp.stability.spectra import product, spectrum
 from hbnlp.systems.system import System
 
 
@@ -508,3 +510,13 @@ def test_the_spectrum_of_a_wide_product_is_that_of_its_factors():
     maps = np.array([turns[(k + 1) % 12] @ np.diag(growth) @ turns[k].T for k in range(12)])
     values = np.sort(np.abs(spectrum(maps)))[::-1]
     np.testing.assert_allclose(values[:4], growth[:4] ** 12, rtol=1e-10)
+
+
+def test_a_force_of_the_velocity_alone_of_one_degree_of_freedom_has_the_determinant_of_its_damping():
+    """f = c v^3: by Liouville's formula log |det| = -T (d + 3 c mean(v^2))."""
+    damping, c, omega = 0.1, 0.3, 1.1
+    system = System([[1.0]], [[damping]], [[1.0]], nonlinear_force=lambda q, v, tau, p: [c * v[0] ** 3])
+    x = np.array([[0.0, 0.6, -0.8, 0.0, 0.0, 0.1, 0.0]])
+    mean_square = omega**2 * (1.0 + (3 * 0.1) ** 2) / 2.0
+    result = monodromy(system, x, [omega])
+    assert result.log_determinant == pytest.approx(-result.period * (damping + 3 * c * mean_square), rel=1e-9)

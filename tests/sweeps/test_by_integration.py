@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from hbnlp.core.errors import TaskError
-from hbnlp.integration.methods import Adaptive, RungeKutta4
+from hbnlp.integration.cvodes import Adaptive
+from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate
 from hbnlp.sweeps.by_integration import march
 from hbnlp.sweeps.records import TimeSweep

@@ -9,7 +9,8 @@ from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Autosave, StopTracing
 from hbnlp.core.errors import SaveError, TaskError
-from hbnlp.integration.methods import Adaptive, RungeKutta4
+from hbnlp.integration.cvodes import Adaptive
+from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.solutions.solving import solve
 from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.sweeps.sweeping import sweep

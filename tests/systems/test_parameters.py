@@ -34,6 +34,22 @@ def test_values_given_override_the_defaults_and_leave_them_alone(keys, data):
     assert parameters.defaults[chosen] == (1.0 if chosen == "omega" else 0.5)
 
 
+@examples
+@given(names, st.data())
+def test_values_are_ordered_by_name_whatever_the_order_of_the_mapping(keys, data):
+    parameters = ParameterSet({"omega": 1.0, **{key: data.draw(finite) for key in keys}})
+    shuffled = {name: parameters.defaults[name] for name in data.draw(st.permutations(parameters.names))}
+    np.testing.assert_array_equal(parameters.ordered(shuffled), parameters.values())
+
+
+def test_a_mapping_to_be_ordered_has_every_parameter_and_no_other():
+    parameters = ParameterSet({"stiffness": 1.0, "omega": 1.0})
+    with pytest.raises(KeyError, match="unknown parameter 'stifness'; did you mean 'stiffness'"):
+        parameters.ordered({"stifness": 2.0, "omega": 1.0})
+    with pytest.raises(KeyError, match=r"parameter 'stiffness' is missing \(given: omega\)"):
+        parameters.ordered({"omega": 1.0})
+
+
 def test_omega_is_always_a_parameter_and_the_last_one_unless_named():
     assert ParameterSet({"force": 0.1}).names == ("force", "omega")
     assert ParameterSet({"omega": 2.0, "force": 0.1}).names == ("omega", "force")

@@ -78,6 +78,28 @@ def test_the_linearisation_takes_the_tangent_of_the_force_where_it_is_asked_to()
     np.testing.assert_allclose(system.linearisation(rest=[2.0]), [[0.0, 1.0], [-2.2, -1.0]])
 
 
+def test_the_force_and_its_derivatives_are_compiled_once_and_agree_with_differences():
+    def force(q, v, tau, p):
+        return [p.cubic * q[0] ** 3 * v[1] + p.omega * q[1], ca.cos(tau) * q[1] * v[1] ** 2]
+
+    compiled = System(np.eye(2), np.eye(2), np.eye(2), nonlinear_force=force, parameters=PARAMETERS).compiled_force
+    assert compiled.derivatives is compiled.derivatives
+    rng, tau = np.random.default_rng(0), 0.4
+    q, v, dq, dv, p, dp = rng.uniform(-1.0, 1.0, (6, 2))
+    by_q, by_v = compiled.tangents(q, v, tau, p)
+    h = 1e-6
+    for matrix, move_q, move_v in ((by_q, 1.0, 0.0), (by_v, 0.0, 1.0)):
+        for unit, column in zip(np.eye(2), matrix.T, strict=True):
+            up, down = (
+                compiled.value(q + s * move_q * unit, v + s * move_v * unit, tau, p).full().ravel() for s in (h, -h)
+            )
+            np.testing.assert_allclose(column, (up - down) / (2 * h), atol=1e-9)
+    for function, slope in ((compiled.value, compiled.along), (compiled.derivatives, compiled.derivatives_along)):
+        up, down = (function(q + s * dq, v + s * dv, tau, p + s * dp).full() for s in (h, -h))
+        np.testing.assert_allclose(slope(q, v, tau, p, dq, dv, dp).full(), (up - down) / (2 * h), atol=1e-9)
+    np.testing.assert_array_equal(compiled.depends_on, [True, True])
+
+
 def test_a_tangent_that_is_not_finite_at_rest_is_named():
     system = System(ONE, ONE, ONE, nonlinear_force=lambda q, v, tau, p: [ca.sqrt(q[0])])
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""Time integrators, compiled: the classical Runge-Kutta scheme with fixed steps, and an adaptive multistep method."""
+"""The classical Runge-Kutta scheme with fixed steps, compiled."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.checks import real_number, whole_number
-from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.checks import whole_number
+from hbnlp.core.native import bound
 from hbnlp.core.types import Array
 from hbnlp.integration.first_order import FirstOrderForm, Propagator, Window
 
@@ -93,12 +93,8 @@ class _FixedSteps:
         self._h = np.zeros(CHUNK)
         self._start = np.zeros(form.system.n_state)
         self._path = np.zeros((CHUNK, form.system.n_state))
-        self._buffer, self._run = form.compiled("rk4", lambda: _chunk(form)).buffer()
-        # the buffer holds addresses only: every array stays referenced from here
-        self._packed = np.ascontiguousarray(packed)
-        for i, array in enumerate((self._start, self._tau, self._h, self._packed)):
-            self._buffer.set_arg(i, array.data)
-        self._buffer.set_res(0, self._path.reshape(-1).data)
+        chunk = form.compiled("rk4", lambda: _chunk(form))
+        self._run = bound(chunk, [self._start, self._tau, self._h, np.ascontiguousarray(packed)], [self._path])
 
     def __call__(self, state: Array) -> Window:
         states = np.empty((self._n_steps + 1, state.size))
@@ -134,71 +130,3 @@ def _chunk(form: FirstOrderForm) -> ca.Function:
         state = step(state, tau_k, h_k, packed)
         path.append(state)
     return ca.Function("chunk", [start, taus, hs, packed], [ca.horzcat(*path)])
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class Adaptive:
-    """Variable-step, variable-order multistep integration by CVODES.
-
-    Parameters
-    ----------
-    rtol, atol : float
-        Tolerances of a step. The error of a periodic response is some tens of times larger, by its memory (Q factor):
-        2e-9 relative for a Duffing oscillator with 2.5 % of critical damping, near its fold.
-    samples_per_period : int
-        Uniform output a period of the forcing; it has no influence on the steps.
-    stiff : bool
-        False: Adams formulas (orders 1 to 12), accurate for oscillators. True: backward differentiation (orders 1 to 5)
-        with the exact Jacobian, for lag states that decay much faster than anything of interest; less accurate, and
-        slightly unstable for undamped fast modes.
-
-    References
-    ----------
-    Hindmarsh et al. (2005), SUNDIALS, ACM Trans. Math. Softw. 31, 363-396, doi:10.1145/1089014.1089020.
-    """
-
-    rtol: float = 1e-10
-    atol: float = 1e-12
-    samples_per_period: int = 256
-    stiff: bool = False
-
-    def __post_init__(self) -> None:
-        real_number("rtol", self.rtol, above=0.0)
-        real_number("atol", self.atol, above=0.0)
-        whole_number("samples_per_period", self.samples_per_period, least=4)
-
-    def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:  # noqa: ARG002
-        """Return CVODES at one parameter point; ``state`` has no influence."""
-        step = 2.0 * np.pi / self.samples_per_period
-        integrator = form.compiled((self, periods), lambda: self._cvodes(form, periods))
-
-        def run(start: Array) -> Window:
-            try:
-                with interrupts_kept():
-                    path = integrator(x0=start, p=packed)["xf"].full().T
-            except RuntimeError as error:
-                flag = str(error).partition('returned "')[2].partition('"')[0]
-                reason = (
-                    f"CVODES could not go on ({flag or error}); the system diverges, or the tolerances are too tight, "
-                    "or some lag states too fast: try larger rtol and atol, or stiff=True"
-                )
-                return Window(start[None], step, float(integrator.stats().get("tcur", 0.0)), reason)
-            return Window(np.vstack([start, path]), step)
-
-        return run
-
-    def _cvodes(self, form: FirstOrderForm, periods: int) -> ca.Function:
-        n_steps = self.samples_per_period * periods
-        grid = 2.0 * np.pi * periods * np.arange(1, n_steps + 1) / n_steps
-        y, tau, packed = ca.MX.sym("y", form.system.n_state), ca.MX.sym("tau"), ca.MX.sym("packed", form.n_packed)
-        equations = {"x": y, "t": tau, "p": packed, "ode": form.rate(y, tau, packed)}
-        options = {
-            "reltol": self.rtol,
-            "abstol": self.atol,
-            "linear_multistep_method": "bdf" if self.stiff else "adams",
-            "nonlinear_solver_iteration": "newton" if self.stiff else "functional",
-            "disable_internal_warnings": True,
-            "show_eval_warnings": False,
-        }
-        return ca.integrator("cvodes", "cvodes", equations, 0.0, grid, options)

@@ -1,0 +1,110 @@
+"""What the linear terms of a balance take from the system: its matrices, forcing and motion at parameter values."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.balance.pattern import Pattern
+from hbnlp.balance.sampling import Sampling
+from hbnlp.core.types import Array
+from hbnlp.systems.lags import Lags
+from hbnlp.systems.system import System
+
+
+class Laws(NamedTuple):
+    """All that depends on the parameters alone, or its derivative by one of them."""
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    lag_output: Array
+    input_stiffness: Array
+    input_damping: Array
+    input_mass: Array
+    forcing: Array  # coefficients (n, L)
+    motion: Array  # coefficients (n_u, L)
+
+
+class CompiledLaws:
+    """The laws of a system as compiled functions of its parameters; harmonics of forcing and motion from samples."""
+
+    def __init__(self, system: System, sampling: Sampling) -> None:
+        self._system = system
+        self._basis, self._tau = sampling.excitation, sampling.periods * sampling.excitation.theta[None, :]
+        self._expressions = [system.mass, system.damping, system.stiffness, system.lag_output]
+        self._expressions += [system.input_stiffness, system.input_damping, system.input_mass]
+        self._signals = [system.forcing, system.motion]
+        everything, omega = [*self._expressions, *self._signals], system.parameters.index("omega")
+        self.followed = np.arange(len(system.parameters.names)) != omega
+        """Which parameters the laws are taken to depend on: all but omega, on which they seldom do."""
+        self.followed[omega] = any(ca.depends_on(e, system.p[omega]) for e in everything)
+
+    def at(self, values: Array) -> Laws:
+        """Return the laws at parameter values."""
+        forcing, motion = self._signal_function(self._tau, self._repeated(values))
+        matrices = [e.full() for e in self._system.matrices(values)]
+        return Laws._make([*matrices, self._coefficients(forcing), self._coefficients(motion)])
+
+    def slope(self, values: Array, index: int) -> Laws:
+        """Return their derivatives by one parameter."""
+        matrix_slopes, signal_slopes = self._slope_functions
+        unit = (np.arange(values.size) == index).astype(float)
+        forcing, motion = signal_slopes(self._tau, self._repeated(values), self._repeated(unit))
+        matrices = [e.full() for e in matrix_slopes(values, unit)]
+        return Laws._make([*matrices, self._coefficients(forcing), self._coefficients(motion)])
+
+    @cached_property
+    def _signal_function(self) -> ca.Function:
+        signals = ca.Function("signals", [self._system.tau, self._system.p], [ca.densify(e) for e in self._signals])
+        return signals.map(self._basis.n_samples)
+
+    @cached_property
+    def _slope_functions(self) -> tuple[ca.Function, ca.Function]:
+        p, direction = self._system.p, ca.SX.sym("direction", self._system.p.numel())
+
+        def along(expression: ca.SX) -> ca.SX:
+            slope = ca.jtimes(ca.vec(ca.densify(expression)), p, direction)
+            return ca.densify(ca.reshape(slope, *expression.shape))
+
+        matrices = ca.Function("matrices_along", [p, direction], [along(e) for e in self._expressions])
+        signals = ca.Function("signals_along", [self._system.tau, p, direction], [along(e) for e in self._signals])
+        return matrices, signals.map(self._basis.n_samples)
+
+    def _repeated(self, column: Array) -> Array:
+        return np.repeat(column[:, None], self._basis.n_samples, axis=1)
+
+    def _coefficients(self, samples: ca.DM) -> Array:
+        return np.asarray(samples.full() @ self._basis.projection.T)
+
+
+class LawsAt:
+    """The laws at one point of the parameters that they depend on, and what follows from them alone.
+
+    Nothing of it changes: what is kept is computed when first asked for.
+    """
+
+    def __init__(self, compiled: CompiledLaws, lags: Lags, values: Array) -> None:
+        self._compiled, self._values = compiled, values.copy()
+        self.key = values[compiled.followed].tobytes()
+        self.laws = compiled.at(values)
+        self.residues = lags.residues(self.laws.lag_output)
+        self._has_lags = bool(lags.n_lags)
+        self._slopes: dict[int, Laws] = {}
+
+    def slope(self, index: int) -> Laws:
+        """Return the derivatives of the laws by one parameter."""
+        if index not in self._slopes:
+            self._slopes[index] = self._compiled.slope(self._values, index)
+        return self._slopes[index]
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Where the linear terms are not zero."""
+        law = self.laws
+        every = np.full(law.mass.shape, self._has_lags)
+        used = every | (law.stiffness != 0.0) | (law.damping != 0.0) | (law.mass != 0.0)
+        return Pattern(used, (law.forcing.shape[1] - 1) // 2)

@@ -1,0 +1,120 @@
+"""The force at the samples of a balance: alternating frequency/time on compiled functions and numpy memory.
+
+At coefficients X (n, L) the force sees, at each sample, ``q = X s`` and ``v = omega / periods X s'``: s are the basis
+functions there, s' their derivatives by phase. The coefficients give ``r = X s'``, hence ``f_r = omega / periods f_v``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from hbnlp.core.native import PerThread, bound
+from hbnlp.core.types import Array
+from hbnlp.fourier import FourierBasis
+from hbnlp.systems.system import System
+
+LARGEST_EXPANSION = 50_000
+"""Instructions up to which all samples are written out as one function: calls cost more than arithmetic there."""
+
+
+class SampledForce:
+    """The force f and its exact derivatives at all samples, in arrays (n_samples, size).
+
+    Derivatives are the entries of f_q and f_r that may differ from zero. An array that is returned may be overwritten
+    by the next call of the same method in the same thread.
+    """
+
+    def __init__(self, system: System, basis: FourierBasis, periods: int) -> None:
+        self._force = system.compiled_force
+        self._omega, self._periods = system.parameters.index("omega"), periods
+        self._n_q, self._viscous = self._force.places_q[0].size, self._force.places_v[0].size > 0
+        self._phases = np.vstack([basis.sampling, basis.derivative_sampling]) if self._viscous else basis.sampling
+        self._memory = PerThread(lambda: _Memory(system, periods * basis.theta))
+
+    def value(self, coefficients: Array, values: Array) -> Array:
+        """Return the force."""
+        return self._at(coefficients, values).evaluated(self._force.value)
+
+    def derivatives(self, coefficients: Array, values: Array) -> tuple[Array, Array]:
+        """Return f_q and f_r."""
+        entries = self._at(coefficients, values).evaluated(self._force.derivatives)
+        return entries[:, : self._n_q], self._rate(values) * entries[:, self._n_q :]
+
+    def along(self, coefficients: Array, values: Array, index: int) -> Array:
+        """Return the derivative of the force by parameter ``index``."""
+        return self._toward(coefficients, values, None, index).evaluated(self._force.along)
+
+    def derivatives_along(
+        self, coefficients: Array, values: Array, direction: Array | None, index: int | None
+    ) -> tuple[Array, Array]:
+        """Return the slopes of f_q and f_r along coefficients (n, L), if given, plus those by a parameter."""
+        memory = self._toward(coefficients, values, direction, index)
+        entries = memory.evaluated(self._force.derivatives_along)
+        by_r = self._rate(values) * entries[:, self._n_q :]
+        if self._viscous and index == self._omega:
+            by_r += memory.evaluated(self._force.derivatives)[:, self._n_q :] / self._periods
+        return entries[:, : self._n_q], by_r
+
+    def depends_on(self, index: int) -> bool:
+        """Return whether the force depends on a parameter; on omega it may through the velocities alone."""
+        return bool(self._force.depends_on[index]) or (self._viscous and index == self._omega)
+
+    def _rate(self, values: Array) -> float:
+        return float(values[self._omega]) / self._periods
+
+    def _at(self, coefficients: Array, values: Array) -> _Memory:
+        memory = self._memory()
+        np.matmul(self._phases, coefficients.T, out=memory.state[: len(self._phases)])
+        if self._viscous:
+            np.multiply(memory.r, self._rate(values), out=memory.v)
+        memory.p[:] = values
+        return memory
+
+    def _toward(self, coefficients: Array, values: Array, direction: Array | None, index: int | None) -> _Memory:
+        memory = self._at(coefficients, values)
+        if direction is None:
+            memory.direction[:] = 0.0
+        else:
+            np.matmul(self._phases, direction.T, out=memory.direction[: len(self._phases)])
+        memory.dp[:] = 0.0
+        if index is not None:
+            memory.dp[:, index] = 1.0
+        if self._viscous:
+            np.multiply(memory.dr, self._rate(values), out=memory.dv)
+            if index == self._omega:
+                memory.dv += memory.r / self._periods
+        return memory
+
+
+class _Memory:
+    """The arrays of one thread: where the force is evaluated, and what it gives.
+
+    Of ``state`` and ``direction`` the first half are displacements, the second their derivatives by phase.
+    """
+
+    def __init__(self, system: System, tau: Array) -> None:
+        count, n, n_p = tau.size, system.n_dof, len(system.parameters.names)
+        self.state, self.direction = np.zeros((2 * count, n)), np.zeros((2 * count, n))
+        self.r, self.dr = self.state[count:], self.direction[count:]
+        self.v, self.dv = np.zeros((count, n)), np.zeros((count, n))
+        self.p, self.dp = np.zeros((count, n_p)), np.zeros((count, n_p))
+        self._arguments = [self.state[:count], self.v, tau[:, None].copy(), self.p]
+        self._arguments += [self.direction[:count], self.dv, self.dp]
+        self._evaluations: dict[str, tuple[Callable[[], None], Array]] = {}
+
+    def evaluated(self, function: ca.Function) -> Array:
+        """Return a function's result (n_samples, size) at all samples, overwritten by its next evaluation."""
+        name = function.name()
+        if name not in self._evaluations:
+            count = len(self.p)
+            mapped = function.map(count)
+            if function.n_instructions() * count <= LARGEST_EXPANSION:
+                mapped = mapped.expand()
+            result = np.zeros((count, function.nnz_out(0)))
+            self._evaluations[name] = bound(mapped, self._arguments[: function.n_in()], [result]), result
+        evaluate, result = self._evaluations[name]
+        evaluate()
+        return result

@@ -1,0 +1,113 @@
+"""What a user writes as a matrix, a force, a signal or numbers, read as CasADi expressions and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.core.types import Array
+
+Matrix = ArrayLike | Callable[[Any], Any]
+Force = Callable[[ca.SX, ca.SX, ca.SX, Any], Any]
+Signal = Callable[[ca.SX, Any], Any]
+Output = Callable[[Any], Any]
+
+
+def displacements(n: int) -> dict[str, Output]:
+    """Return the outputs of a system without any of its own: its displacements."""
+
+    def reader(i: int) -> Output:
+        return lambda s: s.q[i]
+
+    return {"x" if n == 1 else f"x{i + 1}": reader(i) for i in range(n)}
+
+
+def matrix(what: str, given: Matrix | None, p: ca.SX, named: Any, shape: tuple[int, int] | None = None) -> ca.SX:
+    """Return a user's matrix, which may be a callable of the parameters by name; ``shape`` None: square of any size."""
+    if given is None and shape is not None:
+        return ca.SX.zeros(*shape)
+    value = given(named) if callable(given) else given
+    if isinstance(value, ca.SX | ca.DM):
+        read = ca.SX(value)
+    else:
+        array = np.array(value, dtype=object)
+        if array.ndim == 0:
+            array = array.reshape(1, 1)
+        if array.ndim != 2:
+            raise ValueError(f"{what} has shape {array.shape}; a matrix is needed")
+        read = ca.SX(*array.shape)
+        for i, j in np.ndindex(array.shape):
+            read[i, j] = _expression(what, array[i, j])
+    if shape is None:
+        shape = (read.shape[0], read.shape[0])
+    if read.shape != shape:
+        raise ValueError(f"{what} has shape {read.shape}; {shape} is needed")
+    check_symbols(what, read, [p])
+    return _with_finite_numbers(what, read)
+
+
+def column(what: str, value: Any, size: int | None = None) -> ca.SX:
+    """Return a user's value as a column of ``size`` expressions."""
+    if isinstance(value, ca.SX | ca.DM):
+        read = ca.SX(value)
+        read = read.T if read.shape[0] == 1 and read.shape[1] > 1 else read
+    else:
+        read = ca.SX(0, 1)
+        for entry in np.atleast_1d(np.array(value, dtype=object)).ravel():
+            read = ca.vertcat(read, _expression(what, entry))
+    if read.shape[1] != 1 or (size is not None and read.shape[0] != size):
+        raise ValueError(f"{what} returned shape {read.shape}; {size} expressions are needed, one a degree of freedom")
+    return _with_finite_numbers(what, ca.densify(read))
+
+
+def _expression(what: str, entry: Any) -> ca.SX:
+    try:
+        return ca.SX(entry)
+    except NotImplementedError:
+        raise ValueError(
+            f"{what} has the entry {entry!r}; a number or an expression of the symbols given to it is needed"
+        ) from None
+
+
+def check_symbols(what: str, expression: ca.SX, arguments: list[ca.SX]) -> None:
+    """Raise a ValueError if an expression uses other symbols than these."""
+    strange = ca.Function("check", arguments, [expression], {"allow_free": True}).get_free()
+    if strange:
+        raise ValueError(f"{what} uses {strange[0]!r}, which is neither its argument nor a parameter")
+
+
+def check_periodicity(what: str, expression: ca.SX, tau: ca.SX, others: list[ca.SX], at: list[Array]) -> None:
+    """Raise a ValueError unless an expression is 2 pi-periodic in tau; ``at`` holds values of its other symbols."""
+    if not ca.depends_on(expression, tau):
+        return
+    function = ca.Function("signal", [tau, *others], [ca.densify(expression)])
+    for phase in np.random.default_rng(11).uniform(0.0, 2.0 * np.pi, 4):
+        now, later = (function(phase + lapse, *at).full() for lapse in (0.0, 2.0 * np.pi))
+        if np.max(np.abs(later - now)) > 1e-6 * np.max(np.abs(now)):
+            raise ValueError(
+                f"{what} is not 2 pi-periodic in tau = omega t (at tau = {phase:.3g} it is {now.ravel()}, a "
+                f"period later {later.ravel()}); write it with sines and cosines of whole multiples of tau"
+            )
+
+
+def _with_finite_numbers(what: str, expression: ca.SX) -> ca.SX:
+    if not all(np.isfinite(float(entry)) for entry in expression.nonzeros() if entry.is_constant()):
+        raise ValueError(f"{what} has entries that are not finite")
+    return expression
+
+
+def numbers(what: str, given: ArrayLike | None, shape: tuple[int, int] | None) -> Array:
+    """Return a constant matrix, checked; ``shape`` None: square of any size."""
+    if given is None:
+        return np.zeros(shape or (0, 0))
+    array = np.array(given, dtype=float)
+    wanted = shape or (array.shape[0], array.shape[0])
+    if array.ndim != 2 or array.shape != wanted:
+        raise ValueError(f"{what} has shape {array.shape}; {wanted} is needed")
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"{what} has entries that are not finite")
+    return array
