@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -88,10 +88,7 @@ class FrequencyResponse:
         if not 0 <= n_modes <= self.n_modes:
             raise ValueError(f"n_modes is {n_modes}; the response has {self.n_modes} modes, give 0 to {self.n_modes}")
         y, u = slice(n_modes + 1), slice(n_modes + 2)
-        return FrequencyResponse(
-            omega=self.omega, values=self.values[:, y, u], static=self.static[y, u], base_load=self.base_load[y],
-            provenance=self.provenance,
-        )  # fmt: skip
+        return replace(self, values=self.values[:, y, u], static=self.static[y, u], base_load=self.base_load[y])
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the response at the frequencies from ``lowest`` to ``highest``, both included."""
@@ -100,10 +97,7 @@ class FrequencyResponse:
             raise ValueError(
                 f"no frequency lies in {lowest:g} to {highest:g}; the data span {self.omega[0]:g} to {self.omega[-1]:g}"
             )
-        return FrequencyResponse(
-            omega=self.omega[inside], values=self.values[inside], static=self.static, base_load=self.base_load,
-            provenance=self.provenance,
-        )  # fmt: skip
+        return replace(self, omega=self.omega[inside], values=self.values[inside])
 
     def column_errors(self, other: ArrayLike) -> Array:
         """Return the relative error of every column, ``|other - values| / |values|`` over its loads, (m, N+2).

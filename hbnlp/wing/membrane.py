@@ -8,7 +8,8 @@ model::
     2 mu W_k'' + 2 c_T d(delta)/dW_k = dCp_k,      c_T = 2 Eh (delta0 + delta)
 
 with the elongation ``delta = int sqrt(1 + w_x^2) dx - 1`` (nonlinear) or ``pi^2/4 sum m^2 W_m^2`` (quasi-linear); the
-linear membrane keeps ``c_T0 = 2 Eh delta0``.
+linear membrane keeps ``c_T0 = 2 Eh delta0``. A model is a strain (`hbnlp.wing.strain`) with a law of tension
+(`hbnlp.wing.tension`).
 
 References
 ----------
@@ -167,7 +168,7 @@ class LinearMembrane(Membrane):
     Parameters
     ----------
     mass_ratio, stiffness, prestrain : float
-        mu, Eh and delta0, nondimensional; the tension at rest is c_T0 = 2 Eh delta0.
+        mu = rho_s h / (rho c), Eh = E_s h / (rho U^2 c) and delta0; the tension at rest is c_T0 = 2 Eh delta0.
     n_modes : int
         Number N of sine modes.
     """
@@ -189,7 +190,7 @@ class QuasiLinearMembrane(Membrane):
     Parameters
     ----------
     mass_ratio, stiffness, prestrain : float
-        mu, Eh and delta0, nondimensional; the tension at rest is c_T0 = 2 Eh delta0.
+        mu = rho_s h / (rho c), Eh = E_s h / (rho U^2 c) and delta0; the tension at rest is c_T0 = 2 Eh delta0.
     n_modes : int
         Number N of sine modes.
     """
@@ -218,7 +219,7 @@ class NonlinearMembrane(Membrane):
     Parameters
     ----------
     mass_ratio, stiffness, prestrain : float
-        mu, Eh and delta0, nondimensional; the tension at rest is c_T0 = 2 Eh delta0.
+        mu = rho_s h / (rho c), Eh = E_s h / (rho U^2 c) and delta0; the tension at rest is c_T0 = 2 Eh delta0.
     n_modes : int
         Number N of sine modes.
     n_nodes : int or None

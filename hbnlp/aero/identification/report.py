@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -157,7 +157,7 @@ def identify(
     if n_lags is not None:
         rom = reduce_to_band(rom, inside, n_lags=n_lags, known=tuple(damping or ()))
         error = float(inside.column_errors(rom.transfer(1j * inside.omega)).max())
-        rom = _with_provenance(rom, provenance(response, band=band, error=error))
+        rom = replace(rom, provenance=provenance(response, band=band, error=error))
     return RationalFit(rom=rom, response=response, band=band, n_poles=fit.poles.size)
 
 
@@ -179,11 +179,4 @@ def provenance(response: FrequencyResponse, *, band: tuple[float, float], error:
     return Provenance(
         source=str(about.get("source", "frequency response")), reynolds=about.get("reynolds"),
         incidence=float(about.get("incidence", 0.0)), band=band, fit_error=error,
-    )  # fmt: skip
-
-
-def _with_provenance(rom: AeroROM, about: Provenance) -> AeroROM:
-    return AeroROM(
-        stiffness=rom.stiffness, damping=rom.damping, mass=rom.mass, lag_state=rom.lag_state, lag_input=rom.lag_input,
-        lag_output=rom.lag_output, base_motion=rom.base_motion, base_load=rom.base_load, provenance=about,
     )  # fmt: skip

@@ -1,0 +1,90 @@
+"""The arrays of a ROM, checked together: real, finite, of shapes that agree, and with stable lag states."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbnlp.core.types import Array
+
+MATRICES = ("stiffness", "damping", "mass", "lag_state", "lag_input", "lag_output")
+ARRAYS = (*MATRICES, "base_motion", "base_load")
+
+
+def checked_arrays(
+    *,
+    stiffness: ArrayLike,
+    damping: ArrayLike,
+    mass: ArrayLike,
+    lag_state: ArrayLike,
+    lag_input: ArrayLike,
+    lag_output: ArrayLike,
+    base_motion: ArrayLike | None,
+    base_load: ArrayLike | None,
+) -> dict[str, Array]:
+    """Return the `ARRAYS` by name as new read-only arrays; an empty array fits any empty shape, None is zero.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, a value is complex or not finite, or A is not strictly stable.
+    """
+    k = _real("stiffness", stiffness)
+    if k.ndim != 2 or k.shape[0] < 1 or k.shape[1] != k.shape[0] + 1:
+        raise ValueError(
+            f"stiffness has shape {k.shape}; (N+1, N+2) is needed: "
+            "rows C_L, dCp_1..dCp_N and columns alpha, z, W_1..W_N"
+        )
+    rows, columns = k.shape
+    a = _real("lag_state", lag_state)
+    a = a.reshape(0, 0) if a.size == 0 else a
+    n = a.shape[0] if a.ndim else 1
+    wanted: dict[str, tuple[ArrayLike, tuple[int, ...]]] = {
+        "damping": (damping, (rows, columns)),
+        "mass": (mass, (rows, columns)),
+        "lag_state": (a, (n, n)),
+        "lag_input": (lag_input, (n, columns)),
+        "lag_output": (lag_output, (rows, n)),
+        "base_motion": (np.zeros(columns) if base_motion is None else base_motion, (columns,)),
+        "base_load": (np.zeros(rows) if base_load is None else base_load, (rows,)),
+    }
+    arrays = {"stiffness": k}
+    for name, (given, shape) in wanted.items():
+        array = _real(name, given)
+        if array.size == 0 and 0 in shape:
+            array = array.reshape(shape)
+        if array.shape != shape:
+            raise ValueError(
+                f"{name} has shape {array.shape}; {shape} is needed, because stiffness {k.shape} "
+                f"means N = {rows - 1} modes and lag_state {a.shape} means n = {n} lag states"
+            )
+        arrays[name] = array
+    _check_stable(a)
+    for array in arrays.values():
+        array.flags.writeable = False
+    return arrays
+
+
+def _check_stable(lag_state: Array) -> None:
+    unstable = [pole for pole in np.linalg.eigvals(lag_state) if not pole.real < 0.0] if lag_state.size else []
+    if unstable:
+        raise ValueError(
+            f"lag_state has the eigenvalue {max(unstable, key=np.real):.6g}; all must have a negative real part: "
+            "identify the ROM again with stable poles, or drop the lag states that are not"
+        )
+
+
+def _real(name: str, value: ArrayLike) -> Array:
+    """Return a new real array, or raise the ValueError that names what is wrong with it."""
+    try:
+        array = np.array(value)
+        number = array.astype(float) if not np.iscomplexobj(array) else None
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is not an array of real numbers ({error}); give an array of floats") from error
+    if number is None:
+        raise ValueError(f"{name} is not an array of real numbers (it is complex); give an array of floats")
+    bad = np.argwhere(~np.isfinite(number))
+    if bad.size:
+        where = tuple(int(i) for i in bad[0])
+        raise ValueError(f"{name}{list(where)} is {number[where]}; all values must be finite: identify the ROM again")
+    return number
