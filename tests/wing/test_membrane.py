@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.integrate import quad
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from hbnlp.wing.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
 
@@ -256,6 +256,13 @@ def test_camber_is_the_largest_displacement(W):
 
 def test_camber_of_the_first_mode_is_its_amplitude():
     assert LinearMembrane(n_modes=5).camber([-0.07, 0, 0, 0, 0]) == pytest.approx(0.07, rel=1e-14)
+
+
+def test_camber_is_that_of_the_higher_of_two_peaks_whatever_the_nodes_see():
+    # the third mode's peaks at 1/6 and 5/6 lie between nodes, that at 1/2, which is lower, on one
+    membrane, W = LinearMembrane(n_modes=4), np.array([2e-5, 0.0, 0.0625, 0.0])
+    exact = minimize_scalar(lambda x: -membrane.displacement(W, [x])[0], bounds=(0.1, 0.25), options={"xatol": 1e-12})
+    assert membrane.camber(W) == pytest.approx(-exact.fun, rel=1e-9)
 
 
 # --- bad input
