@@ -1,14 +1,24 @@
-"""The arrays of a ROM, checked together: real, finite, of shapes that agree, and with stable lag states."""
+"""Checks of arrays: that values are finite, and that those of a ROM fit together and have stable lag states."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hbnlp.core.types import Array
 
 MATRICES = ("stiffness", "damping", "mass", "lag_state", "lag_input", "lag_output")
 ARRAYS = (*MATRICES, "base_motion", "base_load")
+
+
+def check_finite(name: str, array: NDArray[Any], *, advice: str = "") -> None:
+    """Raise a ValueError that names the first value that is not finite, if there is one."""
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        where = tuple(bad[0].tolist())
+        raise ValueError(f"{name}{list(where)} is {array[where]}; all values must be finite{advice}")
 
 
 def checked_arrays(
@@ -83,8 +93,5 @@ def _real(name: str, value: ArrayLike) -> Array:
         raise ValueError(f"{name} is not an array of real numbers ({error}); give an array of floats") from error
     if number is None:
         raise ValueError(f"{name} is not an array of real numbers (it is complex); give an array of floats")
-    bad = np.argwhere(~np.isfinite(number))
-    if bad.size:
-        where = tuple(int(i) for i in bad[0])
-        raise ValueError(f"{name}{list(where)} is {number[where]}; all values must be finite: identify the ROM again")
+    check_finite(name, number, advice=": identify the ROM again")
     return number

@@ -17,13 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sl
-from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
+from hbnlp.aero.identification.least_squares import real_least_squares
 from hbnlp.aero.rom import AeroROM
 from hbnlp.core.checks import whole_number
 from hbnlp.core.types import Array, ComplexArray
@@ -127,7 +127,7 @@ def refit_output(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[i
     )
     matrix = (weights[:, :, None] * matrix).reshape(s.size * columns, -1)
     right = weights[:, :, None] * (response.values - rom.stiffness - s[:, None, None] * fixed).transpose(0, 2, 1)
-    solution = _least_squares(matrix, right.reshape(s.size * columns, rows))
+    solution = real_least_squares(matrix, right.reshape(s.size * columns, rows))
     n = rom.n_lags
     fixed[:, free] = solution[n : n + len(free)].T
     return replace(rom, damping=fixed, mass=solution[n + len(free) :].T, lag_output=solution[:n].T)
@@ -153,7 +153,7 @@ def refit_input(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[in
             solution[n : n + rows, column] = rom.damping[:, column]
             right = right - s[:, None] * rom.damping[:, column]
         matrix = (weights[:, None, None] * basis[:, :, unknown]).reshape(m * rows, -1)
-        solution[unknown, column] = _least_squares(matrix, (weights[:, None] * right).reshape(-1, 1))[:, 0]
+        solution[unknown, column] = real_least_squares(matrix, (weights[:, None] * right).reshape(-1, 1))[:, 0]
     return replace(rom, damping=solution[n : n + rows], mass=solution[n + rows :], lag_input=solution[:n])
 
 
@@ -161,14 +161,6 @@ def _states(a: Array, b: Array, s: ComplexArray) -> ComplexArray:
     shifted = s[:, None, None] * np.eye(len(a)) - a
     drive = np.broadcast_to(b.astype(complex), (s.size, *b.shape))
     return np.asarray(np.linalg.solve(shifted, drive), dtype=complex)
-
-
-def _least_squares(matrix: NDArray[Any], right: NDArray[Any]) -> Array:
-    left = np.concatenate([matrix.real, matrix.imag])
-    scale = np.linalg.norm(left, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    target = np.concatenate([right.real, right.imag])
-    return np.asarray(np.linalg.lstsq(left / scale, target, rcond=None)[0] / scale[:, None])
 
 
 def _balancing(control: Array, observe: Array, n: int) -> tuple[Array, Array, Array]:

@@ -67,12 +67,11 @@ class RationalFit:
         return figure
 
     def __repr__(self) -> str:
-        names = ["alpha", "z", *(f"W_{k}" for k in range(1, self.response.n_modes + 1))]
         worst = self.errors.max(axis=0)
         column = int(worst.argmax())
         return (
             f"RationalFit: {self.n_poles} poles, {self.rom.n_lags} lag states\n"
-            f"  largest relative error of a column {worst[column]:.2e} ({names[column]}), "
+            f"  largest relative error of a column {worst[column]:.2e} ({self.response.motion_names[column]}), "
             f"band {self.band[0]:g} to {self.band[1]:g}"
         )
 
