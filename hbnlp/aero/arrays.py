@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,46 +22,40 @@ def check_finite(name: str, array: NDArray[Any], *, advice: str = "") -> None:
         raise ValueError(f"{name}{list(where)} is {array[where]}; all values must be finite{advice}")
 
 
-def checked_arrays(
-    *,
-    stiffness: ArrayLike,
-    damping: ArrayLike,
-    mass: ArrayLike,
-    lag_state: ArrayLike,
-    lag_input: ArrayLike,
-    lag_output: ArrayLike,
-    base_motion: ArrayLike | None,
-    base_load: ArrayLike | None,
-) -> dict[str, Array]:
-    """Return the `ARRAYS` by name as new read-only arrays; an empty array fits any empty shape, None is zero.
+def checked_arrays(given: Mapping[str, ArrayLike | None]) -> dict[str, Array]:
+    """Return the `ARRAYS` of a ROM, by name, as new read-only arrays.
+
+    An empty array fits any empty shape, and a base that is None is zero.
 
     Raises
     ------
     ValueError
         If shapes disagree, a value is complex or not finite, or A is not strictly stable.
     """
-    k = _real("stiffness", stiffness)
+    k = _real("stiffness", given["stiffness"])
     if k.ndim != 2 or k.shape[0] < 1 or k.shape[1] != k.shape[0] + 1:
         raise ValueError(
             f"stiffness has shape {k.shape}; (N+1, N+2) is needed: "
             "rows C_L, dCp_1..dCp_N and columns alpha, z, W_1..W_N"
         )
     rows, columns = k.shape
-    a = _real("lag_state", lag_state)
+    a = _real("lag_state", given["lag_state"])
     a = a.reshape(0, 0) if a.size == 0 else a
     n = a.shape[0] if a.ndim else 1
-    wanted: dict[str, tuple[ArrayLike, tuple[int, ...]]] = {
-        "damping": (damping, (rows, columns)),
-        "mass": (mass, (rows, columns)),
-        "lag_state": (a, (n, n)),
-        "lag_input": (lag_input, (n, columns)),
-        "lag_output": (lag_output, (rows, n)),
-        "base_motion": (np.zeros(columns) if base_motion is None else base_motion, (columns,)),
-        "base_load": (np.zeros(rows) if base_load is None else base_load, (rows,)),
+    shapes = {
+        "stiffness": (rows, columns),
+        "damping": (rows, columns),
+        "mass": (rows, columns),
+        "lag_state": (n, n),
+        "lag_input": (n, columns),
+        "lag_output": (rows, n),
+        "base_motion": (columns,),
+        "base_load": (rows,),
     }
-    arrays = {"stiffness": k}
-    for name, (given, shape) in wanted.items():
-        array = _real(name, given)
+    arrays = {}
+    for name, shape in shapes.items():
+        zero = given[name] is None and name in {"base_motion", "base_load"}
+        array = np.zeros(shape) if zero else _real(name, given[name])
         if array.size == 0 and 0 in shape:
             array = array.reshape(shape)
         if array.shape != shape:
@@ -84,7 +79,7 @@ def _check_stable(lag_state: Array) -> None:
         )
 
 
-def _real(name: str, value: ArrayLike) -> Array:
+def _real(name: str, value: ArrayLike | None) -> Array:
     """Return a new real array, or raise the ValueError that names what is wrong with it."""
     try:
         array = np.array(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,8 +78,9 @@ class AeroROM:
     lag_output: Array
     base_motion: Array
     base_load: Array
-    provenance: Provenance = field(default_factory=Provenance)
+    provenance: Provenance
 
+    # written by hand because it takes lists, and None for zero, where the fields are arrays
     def __init__(
         self,
         *,
@@ -93,10 +94,8 @@ class AeroROM:
         base_load: ArrayLike | None = None,
         provenance: Provenance | None = None,
     ) -> None:
-        arrays = checked_arrays(
-            stiffness=stiffness, damping=damping, mass=mass, lag_state=lag_state, lag_input=lag_input,
-            lag_output=lag_output, base_motion=base_motion, base_load=base_load,
-        )  # fmt: skip
+        given = (stiffness, damping, mass, lag_state, lag_input, lag_output, base_motion, base_load)
+        arrays = checked_arrays(dict(zip(ARRAYS, given, strict=True)))
         provenance = Provenance() if provenance is None else provenance
         instance_of("provenance", provenance, Provenance, "hbnlp.aero.Provenance(source=..., reynolds=...)")
         for name, array in arrays.items():
