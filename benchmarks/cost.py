@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import lapack
@@ -56,10 +57,8 @@ def weak_lags(rom: hbnlp.AeroROM, count: int) -> hbnlp.AeroROM:
     extra = count - rom.n_lags
     rng = np.random.default_rng(1)
     poles = -np.geomspace(0.05, 60.0, extra)
-    return hbnlp.AeroROM(
-        stiffness=rom.stiffness,
-        damping=rom.damping,
-        mass=rom.mass,
+    return replace(
+        rom,
         lag_state=np.block(
             [[rom.lag_state, np.zeros((rom.n_lags, extra))], [np.zeros((extra, rom.n_lags)), np.diag(poles)]]
         ),

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.aero.arrays import check_finite
+from hbnlp.aero.table import read_table, write_table
+from hbnlp.core.checks import whole_number
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
 _KIND = "FrequencyResponse"
-_CSV_HEADER = ("omega", "load", "motion", "real", "imag")
-_CSV_WHOLE = {"load": "C_L is 0, dCp_1 is 1, ...", "motion": "alpha is 0, z is 1, W_1 is 2, ..."}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -70,9 +69,7 @@ class FrequencyResponse:
                 f"give {values.shape[1:]} and {values.shape[1:2]}"
             )
         for name, array in (("values", values), ("static", static), ("base_load", base_load)):
-            if not np.all(np.isfinite(array)):
-                at = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
-                raise ValueError(f"{name} is not finite at index {at}; all values must be")
+            check_finite(name, array)
         for name, array in (("omega", omega), ("values", values), ("static", static), ("base_load", base_load)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -83,15 +80,22 @@ class FrequencyResponse:
         """Number N of membrane modes."""
         return len(self.static) - 1
 
+    @property
+    def load_names(self) -> list[str]:
+        """Names of the rows: C_L, dCp_1, ..., dCp_N."""
+        return ["C_L", *(f"dCp_{k}" for k in range(1, self.n_modes + 1))]
+
+    @property
+    def motion_names(self) -> list[str]:
+        """Names of the columns: alpha, z, W_1, ..., W_N."""
+        return ["alpha", "z", *(f"W_{k}" for k in range(1, self.n_modes + 1))]
+
     def truncated(self, n_modes: int) -> FrequencyResponse:
         """Return the response of the first ``n_modes`` membrane modes, its leading block."""
-        if not 0 <= n_modes <= self.n_modes:
-            raise ValueError(f"n_modes is {n_modes}; the response has {self.n_modes} modes, give 0 to {self.n_modes}")
+        advice = f": the response has {self.n_modes} modes"
+        n_modes = whole_number("n_modes", n_modes, least=0, most=self.n_modes, advice=advice)
         y, u = slice(n_modes + 1), slice(n_modes + 2)
-        return FrequencyResponse(
-            omega=self.omega, values=self.values[:, y, u], static=self.static[y, u], base_load=self.base_load[y],
-            provenance=self.provenance,
-        )  # fmt: skip
+        return replace(self, values=self.values[:, y, u], static=self.static[y, u], base_load=self.base_load[y])
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the response at the frequencies from ``lowest`` to ``highest``, both included."""
@@ -100,10 +104,7 @@ class FrequencyResponse:
             raise ValueError(
                 f"no frequency lies in {lowest:g} to {highest:g}; the data span {self.omega[0]:g} to {self.omega[-1]:g}"
             )
-        return FrequencyResponse(
-            omega=self.omega[inside], values=self.values[inside], static=self.static, base_load=self.base_load,
-            provenance=self.provenance,
-        )  # fmt: skip
+        return replace(self, omega=self.omega[inside], values=self.values[inside])
 
     def column_errors(self, other: ArrayLike) -> Array:
         """Return the relative error of every column, ``|other - values| / |values|`` over its loads, (m, N+2).
@@ -138,14 +139,7 @@ class FrequencyResponse:
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write a table with the columns omega, load, motion, real, imag; the static value has omega 0."""
-        with Path(path).open("w", newline="") as handle:
-            writer = csv.writer(handle)
-            writer.writerow(_CSV_HEADER)
-            for omega, matrix in zip((0.0, *self.omega), (self.static + 0j, *self.values), strict=True):
-                for (load, motion), value in np.ndenumerate(matrix):
-                    writer.writerow(
-                        (repr(float(omega)), load, motion, repr(float(value.real)), repr(float(value.imag)))
-                    )
+        write_table(path, np.append(0.0, self.omega), np.concatenate([self.static[None], self.values]))
 
     @classmethod
     def from_csv(
@@ -166,23 +160,7 @@ class FrequencyResponse:
             If the header differs, a cell is no finite number, an entry is missing or given twice, or the static value
             is missing; it names line, column and value.
         """
-        with Path(path).open(newline="") as handle:
-            reader = csv.reader(handle)
-            header = tuple(name.strip() for name in next(reader, []))
-            if header != _CSV_HEADER:
-                raise ValueError(f"the header of {os.fspath(path)!r} is {header}; {_CSV_HEADER} is needed")
-            rows = np.array([_csv_row(f"{os.fspath(path)!r}, line {reader.line_num}", row) for row in reader if row])
-        if rows.size == 0 or rows[:, 0].min() != 0.0:
-            raise ValueError(f"{os.fspath(path)!r} has no rows with omega 0; add the static value")
-        omega, at = np.unique(rows[:, 0], return_inverse=True)
-        loads, motions = rows[:, 1].astype(int), rows[:, 2].astype(int)
-        values = np.full((omega.size, loads.max() + 1, motions.max() + 1), np.nan, dtype=complex)
-        values[at, loads, motions] = rows[:, 3] + 1j * rows[:, 4]
-        if len(np.unique(rows[:, :3], axis=0)) != len(rows) or len(rows) != values.size:
-            raise ValueError(
-                f"{os.fspath(path)!r} has {len(rows)} rows for {omega.size} frequencies and "
-                f"{values.shape[1:]} matrices; every entry is needed exactly once, {values.size} rows"
-            )
+        omega, values = read_table(path)
         return cls(
             omega=omega[1:], values=values[1:], static=values[0].real,
             base_load=np.zeros(values.shape[1]) if base_load is None else np.asarray(base_load, dtype=float),
@@ -195,25 +173,3 @@ class FrequencyResponse:
             f"FrequencyResponse: {self.n_modes} modes, {self.omega.size} frequencies "
             f"{self.omega[0]:g} to {self.omega[-1]:g}" + (f"\n  {source[:110]}" if source else "")
         )
-
-
-def _csv_row(where: str, cells: list[str]) -> list[float]:
-    """Return the numbers of one row of a table, or raise the ValueError that names the cell that is wrong."""
-    if len(cells) != len(_CSV_HEADER):
-        raise ValueError(f"{where}: {cells} are {len(cells)} columns; {_CSV_HEADER} are needed")
-    numbers = []
-    for name, cell in zip(_CSV_HEADER, cells, strict=True):
-        try:
-            number = float(cell)
-        except ValueError:
-            number = np.nan
-        accepted = (
-            f"a whole number is needed: {_CSV_WHOLE[name]}" if name in _CSV_WHOLE else "a finite number is needed"
-        )
-        if name == "omega":
-            accepted += ", not negative"
-        wrong = name in (*_CSV_WHOLE, "omega") and number < 0.0
-        if wrong or not np.isfinite(number) or (name in _CSV_WHOLE and not number.is_integer()):
-            raise ValueError(f"{where}, column {name!r}: {cell!r}; {accepted}")
-        numbers.append(number)
-    return numbers

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
+import numpy as np
+
 from hbnlp.core.checks import real_number
+from hbnlp.core.errors import OutsideBandWarning
+from hbnlp.core.types import ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,3 +53,41 @@ class Provenance:
             checked["band"] = band
         for name, value in checked.items():
             object.__setattr__(self, name, value)
+
+    @property
+    def facts(self) -> str:
+        """What is known besides the source, in one line."""
+        facts = [
+            "inviscid or unknown Reynolds number" if self.reynolds is None else f"Re = {self.reynolds:g}",
+            f"incidence {self.incidence:g} rad",
+        ]
+        if self.band is not None:
+            facts.append(f"band {self.band[0]:g} to {self.band[1]:g}")
+        if self.fit_error is not None:
+            facts.append(f"fit error {self.fit_error:.2g}")
+        return ", ".join(facts)
+
+    def warn_outside_band(self, points: ComplexArray, *, stacklevel: int) -> None:
+        """Warn of points of the imaginary axis, but zero, whose frequencies lie outside the band.
+
+        Parameters
+        ----------
+        points : ndarray of complex, any shape
+            Points of the s plane.
+        stacklevel : int
+            Whose line the warning names: 2 is that of the caller, 3 that of the caller's caller.
+        """
+        if self.band is None:
+            return
+        lowest, highest = self.band
+        omega = np.abs(points.imag[(points.real == 0.0) & (points.imag != 0.0)])
+        # round-off of a band's own ends is no departure from it
+        outside = omega[(omega < lowest * (1.0 - 1e-9)) | (omega > highest * (1.0 + 1e-9))]
+        if outside.size:
+            warnings.warn(
+                f"{outside.size} of {points.size} frequencies, from {outside.min():.4g} to {outside.max():.4g}, lie "
+                f"outside the band {lowest:g} to {highest:g} for which the ROM's error is known: "
+                "keep to the band, or identify a ROM from data that reach further",
+                OutsideBandWarning,
+                stacklevel=stacklevel,
+            )

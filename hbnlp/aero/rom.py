@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import warnings
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.aero import statespace
+from hbnlp.aero.arrays import ARRAYS, MATRICES, checked_arrays
 from hbnlp.aero.provenance import Provenance
 from hbnlp.core.checks import instance_of, whole_number
-from hbnlp.core.errors import OutsideBandWarning
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 
 
 _KIND = "AeroROM"
-_MATRICES = ("stiffness", "damping", "mass", "lag_state", "lag_input", "lag_output")
-_ARRAYS = (*_MATRICES, "base_motion", "base_load")
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -37,7 +34,8 @@ class AeroROM:
 
     Everything is nondimensional (chord, stream velocity, density; rad) in the conventions of the package: heave z of
     the leading edge and displacement w upward, pitch about the leading edge nose-up, ``w = sum_k W_k sin(k pi x)``,
-    ``dCp_k = 2 int_0^1 dCp sin(k pi x) dx`` [1]_ [2]_ [3]_.
+    ``dCp_k = 2 int_0^1 dCp sin(k pi x) dx`` [1]_ [2]_ [3]_. A copy with changes, checked again, is
+    ``dataclasses.replace(rom, damping=...)``.
 
     Parameters
     ----------
@@ -80,8 +78,9 @@ class AeroROM:
     lag_output: Array
     base_motion: Array
     base_load: Array
-    provenance: Provenance = field(default_factory=Provenance)
+    provenance: Provenance
 
+    # written by hand because it takes lists, and None for zero, where the fields are arrays
     def __init__(
         self,
         *,
@@ -95,55 +94,11 @@ class AeroROM:
         base_load: ArrayLike | None = None,
         provenance: Provenance | None = None,
     ) -> None:
-        k = _real("stiffness", stiffness)
-        if k.ndim != 2 or k.shape[0] < 1 or k.shape[1] != k.shape[0] + 1:
-            raise ValueError(
-                f"stiffness has shape {k.shape}; (N+1, N+2) is needed: "
-                "rows C_L, dCp_1..dCp_N and columns alpha, z, W_1..W_N"
-            )
-        rows, columns = k.shape
-        a = _real("lag_state", lag_state)
-        a = a.reshape(0, 0) if a.size == 0 else a
-        n = a.shape[0] if a.ndim else 1
-        shapes = {
-            "damping": (rows, columns),
-            "mass": (rows, columns),
-            "lag_state": (n, n),
-            "lag_input": (n, columns),
-            "lag_output": (rows, n),
-            "base_motion": (columns,),
-            "base_load": (rows,),
-        }
-        given: dict[str, ArrayLike] = {
-            "damping": damping,
-            "mass": mass,
-            "lag_state": a,
-            "lag_input": lag_input,
-            "lag_output": lag_output,
-            "base_motion": np.zeros(columns) if base_motion is None else base_motion,
-            "base_load": np.zeros(rows) if base_load is None else base_load,
-        }
-        arrays = {"stiffness": k}
-        for name, shape in shapes.items():
-            array = _real(name, given[name])
-            if array.size == 0 and 0 in shape:
-                array = array.reshape(shape)
-            if array.shape != shape:
-                raise ValueError(
-                    f"{name} has shape {array.shape}; {shape} is needed, because stiffness {k.shape} "
-                    f"means N = {rows - 1} modes and lag_state {a.shape} means n = {n} lag states"
-                )
-            arrays[name] = array
-        unstable = [pole for pole in np.linalg.eigvals(a) if not pole.real < 0.0] if n else []
-        if unstable:
-            raise ValueError(
-                f"lag_state has the eigenvalue {max(unstable, key=np.real):.6g}; all must have a negative real part: "
-                "identify the ROM again with stable poles, or drop the lag states that are not"
-            )
+        given = (stiffness, damping, mass, lag_state, lag_input, lag_output, base_motion, base_load)
+        arrays = checked_arrays(dict(zip(ARRAYS, given, strict=True)))
         provenance = Provenance() if provenance is None else provenance
         instance_of("provenance", provenance, Provenance, "hbnlp.aero.Provenance(source=..., reynolds=...)")
         for name, array in arrays.items():
-            array.flags.writeable = False
             object.__setattr__(self, name, array)
         object.__setattr__(self, "provenance", provenance)
 
@@ -190,7 +145,7 @@ class AeroROM:
         points = np.asarray(s, dtype=complex)
         if not np.all(np.isfinite(points)):
             raise ValueError(f"s holds {points[~np.isfinite(points)].flat[0]}; only finite values are accepted")
-        self._warn_outside_band(points)
+        self.provenance.warn_outside_band(points, stacklevel=3)
         z = points[..., np.newaxis, np.newaxis]
         g: ComplexArray = (self.stiffness + z * self.damping + z**2 * self.mass).astype(complex)
         if self.n_lags:
@@ -203,22 +158,6 @@ class AeroROM:
             g = g + z**2 * (self.lag_output @ states)
         return g
 
-    def _warn_outside_band(self, points: ComplexArray) -> None:
-        if self.provenance.band is None:
-            return
-        lowest, highest = self.provenance.band
-        omega = np.abs(points.imag[(points.real == 0.0) & (points.imag != 0.0)])
-        # round-off of a band's own ends is no departure from it
-        outside = omega[(omega < lowest * (1.0 - 1e-9)) | (omega > highest * (1.0 + 1e-9))]
-        if outside.size:
-            warnings.warn(
-                f"{outside.size} of {points.size} frequencies, from {outside.min():.4g} to {outside.max():.4g}, lie "
-                f"outside the band {lowest:g} to {highest:g} for which the ROM's error is known: "
-                "keep to the band, or identify a ROM from data that reach further",
-                OutsideBandWarning,
-                stacklevel=3,
-            )
-
     def truncated(self, n_modes: int) -> AeroROM:
         """Return the ROM of the first ``n_modes`` membrane modes, its leading block, with all lag states.
 
@@ -230,16 +169,15 @@ class AeroROM:
         advice = f": the ROM has {self.n_modes} modes, identify one with more if you need them"
         n_modes = whole_number("n_modes", n_modes, least=0, most=self.n_modes, advice=advice)
         y, u = slice(n_modes + 1), slice(n_modes + 2)
-        return AeroROM(
+        return replace(
+            self,
             stiffness=self.stiffness[y, u],
             damping=self.damping[y, u],
             mass=self.mass[y, u],
-            lag_state=self.lag_state,
             lag_input=self.lag_input[:, u],
             lag_output=self.lag_output[y],
             base_motion=self.base_motion[u],
             base_load=self.base_load[y],
-            provenance=self.provenance,
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -256,7 +194,7 @@ class AeroROM:
             If the file cannot be written.
         """
         save_arrays(
-            path, _KIND, {name: getattr(self, name) for name in _ARRAYS}, {"provenance": asdict(self.provenance)}
+            path, _KIND, {name: getattr(self, name) for name in ARRAYS}, {"provenance": asdict(self.provenance)}
         )
 
     @classmethod
@@ -293,7 +231,7 @@ class AeroROM:
         ImportError
             If the package ``control`` is not installed (extra ``hbnlp[control]``).
         """
-        return statespace.pack(**{name: getattr(self, name) for name in _MATRICES})
+        return statespace.pack(**{name: getattr(self, name) for name in MATRICES})
 
     @classmethod
     def from_statespace(
@@ -328,41 +266,16 @@ class AeroROM:
         if not isinstance(other, AeroROM):
             return NotImplemented
         return self.provenance == other.provenance and all(
-            np.array_equal(getattr(self, name), getattr(other, name)) for name in _ARRAYS
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in ARRAYS
         )
 
     def __hash__(self) -> int:
         return hash((self.provenance, tuple(self.stiffness.ravel().tolist()), tuple(self.lag_state.ravel().tolist())))
 
     def __repr__(self) -> str:
-        about = self.provenance
-        facts = [
-            "inviscid or unknown Reynolds number" if about.reynolds is None else f"Re = {about.reynolds:g}",
-            f"incidence {about.incidence:g} rad",
-        ]
-        if about.band is not None:
-            facts.append(f"band {about.band[0]:g} to {about.band[1]:g}")
-        if about.fit_error is not None:
-            facts.append(f"fit error {about.fit_error:.2g}")
-        lines = [f"AeroROM: {self.n_modes} modes, {self.n_lags} lag states", f"  {', '.join(facts)}"]
+        lines = [f"AeroROM: {self.n_modes} modes, {self.n_lags} lag states", f"  {self.provenance.facts}"]
         if self.n_lags:
             lines.append(f"  slowest pole {self.poles[0]:.4g}, fastest {self.poles[-1]:.4g}")
-        if about.source:
-            lines.append(f"  {about.source.splitlines()[0][:110]}")
+        if self.provenance.source:
+            lines.append(f"  {self.provenance.source.splitlines()[0][:110]}")
         return "\n".join(lines)
-
-
-def _real(name: str, value: ArrayLike) -> Array:
-    """Return a new real array, or raise the ValueError that names what is wrong with it."""
-    try:
-        array = np.array(value)
-        number = array.astype(float) if not np.iscomplexobj(array) else None
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} is not an array of real numbers ({error}); give an array of floats") from error
-    if number is None:
-        raise ValueError(f"{name} is not an array of real numbers (it is complex); give an array of floats")
-    bad = np.argwhere(~np.isfinite(number))
-    if bad.size:
-        where = tuple(int(i) for i in bad[0])
-        raise ValueError(f"{name}{list(where)} is {number[where]}; all values must be finite: identify the ROM again")
-    return number

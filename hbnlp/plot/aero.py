@@ -43,8 +43,7 @@ def plot_rational_fit(fit: RationalFit) -> Figure:
     A load is drawn as ``|G - G(0)| / omega``, which shows low and high frequencies alike.
     """
     response, rom = fit.response, fit.rom
-    names = ["alpha", "z", *(f"W_{k}" for k in range(1, response.n_modes + 1))]
-    loads = ["C_L", *(f"dCp_{k}" for k in range(1, response.n_modes + 1))]
+    names, loads = response.motion_names, response.load_names
     shown = min(len(names), 8)
     fine = np.geomspace(response.omega[0], response.omega[-1], 400)
     lines = np.abs(rom.transfer(1j * fine) - rom.stiffness) / fine[:, None, None]

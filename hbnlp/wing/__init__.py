@@ -1,1 +1,1 @@
-"""The membrane wing: membranes, their coupling with aerodynamics, linear lift response."""
+"""The membrane wing: strain, tension and membranes, their coupling with aerodynamics, linear lift response."""

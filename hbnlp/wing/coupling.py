@@ -83,7 +83,7 @@ def membrane_wing(
     Examples
     --------
     >>> from hbnlp.aero import thin_airfoil
-    >>> from hbnlp.membrane import QuasiLinearMembrane
+    >>> from hbnlp.wing.membrane import QuasiLinearMembrane
     >>> membrane_wing(QuasiLinearMembrane(prestrain=0.008, n_modes=3), thin_airfoil(3))
     System 'membrane wing': 3 degrees of freedom, 2 lag states
       parameters: mass_ratio=0.5, stiffness=250, prestrain=0.008, pitch_axis=0, pitch_amplitude=0, pitch_mean=0, \

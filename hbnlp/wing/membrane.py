@@ -8,7 +8,8 @@ model::
     2 mu W_k'' + 2 c_T d(delta)/dW_k = dCp_k,      c_T = 2 Eh (delta0 + delta)
 
 with the elongation ``delta = int sqrt(1 + w_x^2) dx - 1`` (nonlinear) or ``pi^2/4 sum m^2 W_m^2`` (quasi-linear); the
-linear membrane keeps ``c_T0 = 2 Eh delta0``.
+linear membrane keeps ``c_T0 = 2 Eh delta0``. A model is a strain (`hbnlp.wing.strain`) with a law of tension
+(`hbnlp.wing.tension`).
 
 References
 ----------
@@ -21,7 +22,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol, final
+from typing import Any, ClassVar, final
 
 import casadi as ca
 import numpy as np
@@ -29,24 +30,8 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.types import Array
-
-_CASADI = (ca.SX, ca.MX, ca.DM)
-
-
-class MembraneProperties(Protocol):
-    """What a membrane's laws need: numbers, or symbols of the same names."""
-
-    @property
-    def mass_ratio(self) -> Any:
-        """The symbol or value of mu."""
-
-    @property
-    def stiffness(self) -> Any:
-        """The symbol or value of Eh."""
-
-    @property
-    def prestrain(self) -> Any:
-        """The symbol or value of delta0."""
+from hbnlp.wing.strain import ExactArc, SmallSlopes, Strain
+from hbnlp.wing.tension import ConstantTension, ElasticTension, MembraneProperties, TensionLaw
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +64,13 @@ class Membrane(ABC):
     prestrain: float = 0.002
     n_modes: int = 10
 
+    _law: ClassVar[TensionLaw]
+
+    @property
+    @abstractmethod
+    def _strain(self) -> Strain:
+        """The elongation as a function of the shape."""
+
     def __post_init__(self) -> None:
         checked = {
             "mass_ratio": real_number("mass_ratio", self.mass_ratio, least=0.0),
@@ -110,51 +102,45 @@ class Membrane(ABC):
         columns = amplitudes.reshape(self.n_modes, -1)
         n_intervals = 16 * self.n_modes
         k = self.wave_numbers
-        x = np.argmax(np.abs(self.displacement(columns, np.linspace(0.0, 1.0, n_intervals + 1))), axis=0) / n_intervals
+        heights = np.abs(self.displacement(columns, np.linspace(0.0, 1.0, n_intervals + 1)))
+        highest = heights.max(axis=0)
+        # by Bernstein's inequality a node beside the highest point is at most (pi / 32)^2 / 2, half a percent, below it
+        node, column = np.nonzero(heights >= 0.99 * highest)
+        x, shapes = node / n_intervals, columns.T[column]
         for _ in range(3):
             phase = np.multiply.outer(x, k)
-            slope = np.sum(k * np.cos(phase) * columns.T, axis=1)
-            curvature = -np.sum(k**2 * np.sin(phase) * columns.T, axis=1)
+            slope = np.sum(k * np.cos(phase) * shapes, axis=1)
+            curvature = -np.sum(k**2 * np.sin(phase) * shapes, axis=1)
             step = np.divide(-slope, curvature, out=np.zeros_like(x), where=curvature != 0.0)
             x = np.clip(x + np.clip(step, -1.0 / n_intervals, 1.0 / n_intervals), 0.0, 1.0)
-        return np.asarray(np.abs(np.sum(self.shape(x) * columns.T, axis=1)).reshape(amplitudes.shape[1:]))
+        np.maximum.at(highest, column, np.abs(np.sum(self.shape(x) * shapes, axis=1)))
+        return np.asarray(highest.reshape(amplitudes.shape[1:]))
 
-    @abstractmethod
     def elongation(self, W: Any) -> Any:
         """Return delta, the strain by which the displaced membrane is longer than the chord."""
-
-    @abstractmethod
-    def _elongation_gradient(self, W: Any) -> Any:
-        """Return d(delta)/dW_k, of the shape of W."""
-
-    @abstractmethod
-    def _elongation_curvature(self, W: Array) -> Array:
-        """Return d2(delta)/dW_j dW_k of an array (N,), (N, N)."""
+        return self._strain.elongation(W)
 
     # -- laws -------------------------------------------------------------------------------------------------------
 
     def tension(self, W: Any, p: MembraneProperties | None = None) -> Any:
-        """Return c_T = 2 Eh (delta0 + delta)."""
-        p = self if p is None else p
-        return 2.0 * p.stiffness * (p.prestrain + self.elongation(W))
+        """Return c_T of the membrane's law at the elongation of this shape."""
+        return self._law.tension(self.elongation(W), self if p is None else p)
 
     def restoring_force(self, W: Any, p: MembraneProperties | None = None) -> Any:
         """Return 2 c_T d(delta)/dW_k, the loads dCp_k that hold the membrane in this shape, of the shape of W."""
-        return 2.0 * self.tension(W, p) * self._elongation_gradient(W)
+        return 2.0 * self.tension(W, p) * self._strain.gradient(W)
 
     def tangent_stiffness(self, W: ArrayLike, p: MembraneProperties | None = None) -> Array:
         """Return the restoring force's derivative at the shape ``W``, (N, N), of an array (N,) only."""
         p = self if p is None else p
         amplitudes = np.asarray(W, dtype=float)
-        gradient = self._elongation_gradient(amplitudes)
-        strain = p.prestrain + self.elongation(amplitudes)
-        curvature = self._elongation_curvature(amplitudes)
-        return np.asarray(4.0 * p.stiffness * (np.outer(gradient, gradient) + strain * curvature))
+        gradient = self._strain.gradient(amplitudes)
+        stretching = self._law.rate(p) * np.outer(gradient, gradient)
+        return np.asarray(2.0 * (stretching + self.tension(amplitudes, p) * self._strain.curvature(amplitudes)))
 
     def energy(self, W: Any, p: MembraneProperties | None = None) -> Any:
-        """Return 2 Eh (delta0 + delta)^2, the potential of the restoring force, beside mu sum W_k'^2 of the motion."""
-        p = self if p is None else p
-        return 2.0 * p.stiffness * (p.prestrain + self.elongation(W)) ** 2
+        """Return the potential of the restoring force, 2 Eh delta0^2 at rest, beside mu sum W_k'^2 of the motion."""
+        return self._law.energy(self.elongation(W), self if p is None else p)
 
     def mass_matrix(self, p: MembraneProperties | None = None) -> Any:
         """Return 2 mu I, (N, N)."""
@@ -163,13 +149,18 @@ class Membrane(ABC):
 
     def stiffness_matrix(self, p: MembraneProperties | None = None) -> Any:
         """Return k^2 pi^2 c_T0 on the diagonal, (N, N), the restoring force's derivative at W = 0."""
-        p = self if p is None else p
-        return 2.0 * p.stiffness * p.prestrain * ca.diag(ca.DM(self.wave_numbers**2))
+        return self._law.at_rest(self if p is None else p) * ca.diag(ca.DM(self.wave_numbers**2))
 
     def nonlinear_force(self, W: Any, p: MembraneProperties | None = None) -> Any:
-        """Return the restoring force less that of `stiffness_matrix`, of the shape of W."""
+        """Return the restoring force less that of `stiffness_matrix`, of the shape of W.
+
+        It is what strain adds to the tension and what large slopes add to the shape. The linear membrane has neither:
+        it returns zeros, exact also as expressions.
+        """
         p = self if p is None else p
-        return self.restoring_force(W, p) - 2.0 * p.stiffness * p.prestrain * _times(np.diag(self.wave_numbers**2), W)
+        delta = self.elongation(W)
+        by_tension = self._law.rise(delta, p) * self._strain.linear_gradient(W)
+        return 2.0 * (by_tension + self._law.tension(delta, p) * self._strain.gradient_of_slopes(W))
 
 
 @final
@@ -179,48 +170,19 @@ class LinearMembrane(Membrane):
 
     Its elongation is the quasi-linear one, of which its tension takes no notice.
 
-    Everything is nondimensional (chord, stream velocity, density).
-
     Parameters
     ----------
-    mass_ratio : float
-        mu = rho_s h / (rho c), not negative.
-    stiffness : float
-        Eh = E_s h / (rho U^2 c), positive.
-    prestrain : float
-        delta0, not negative; the tension at rest is c_T0 = 2 Eh delta0.
+    mass_ratio, stiffness, prestrain : float
+        mu = rho_s h / (rho c), Eh = E_s h / (rho U^2 c) and delta0; the tension at rest is c_T0 = 2 Eh delta0.
     n_modes : int
         Number N of sine modes.
     """
 
-    def elongation(self, W: Any) -> Any:
-        """Return delta = pi^2/4 sum m^2 W_m^2."""
-        return _row(self.wave_numbers**2 / 4.0, W**2)
+    _law: ClassVar[TensionLaw] = ConstantTension()
 
-    def tension(self, W: Any, p: MembraneProperties | None = None) -> Any:
-        """Return c_T0 = 2 Eh delta0, whatever W."""
-        p = self if p is None else p
-        return 2.0 * p.stiffness * p.prestrain + 0.0 * _row(np.zeros(self.n_modes), W)
-
-    def tangent_stiffness(self, W: ArrayLike, p: MembraneProperties | None = None) -> Array:  # noqa: ARG002
-        """Return k^2 pi^2 c_T0 on the diagonal, (N, N), whatever W."""
-        p = self if p is None else p
-        return np.diag(2.0 * p.stiffness * p.prestrain * self.wave_numbers**2)
-
-    def energy(self, W: Any, p: MembraneProperties | None = None) -> Any:
-        """Return 2 Eh delta0 (delta0 + 2 delta), the potential of the restoring force."""
-        p = self if p is None else p
-        return 2.0 * p.stiffness * p.prestrain * (p.prestrain + 2.0 * self.elongation(W))
-
-    def _elongation_gradient(self, W: Any) -> Any:
-        return _times(np.diag(self.wave_numbers**2 / 2.0), W)
-
-    def _elongation_curvature(self, W: Array) -> Array:  # noqa: ARG002
-        return np.diag(self.wave_numbers**2 / 2.0)
-
-    def nonlinear_force(self, W: Any, p: MembraneProperties | None = None) -> Any:  # noqa: ARG002
-        """Return zeros."""
-        return 0.0 * W
+    @cached_property
+    def _strain(self) -> Strain:
+        return SmallSlopes(self.wave_numbers)
 
 
 @final
@@ -230,29 +192,19 @@ class QuasiLinearMembrane(Membrane):
 
     Its force is a cubic polynomial. It differs from the nonlinear membrane's at a relative order of slope^2.
 
-    Everything is nondimensional (chord, stream velocity, density).
-
     Parameters
     ----------
-    mass_ratio : float
-        mu = rho_s h / (rho c), not negative.
-    stiffness : float
-        Eh = E_s h / (rho U^2 c), positive.
-    prestrain : float
-        delta0, not negative; the tension at rest is c_T0 = 2 Eh delta0.
+    mass_ratio, stiffness, prestrain : float
+        mu = rho_s h / (rho c), Eh = E_s h / (rho U^2 c) and delta0; the tension at rest is c_T0 = 2 Eh delta0.
     n_modes : int
         Number N of sine modes.
     """
 
-    def elongation(self, W: Any) -> Any:
-        """Return delta = pi^2/4 sum m^2 W_m^2."""
-        return _row(self.wave_numbers**2 / 4.0, W**2)
+    _law: ClassVar[TensionLaw] = ElasticTension()
 
-    def _elongation_gradient(self, W: Any) -> Any:
-        return _times(np.diag(self.wave_numbers**2 / 2.0), W)
-
-    def _elongation_curvature(self, W: Array) -> Array:  # noqa: ARG002
-        return np.diag(self.wave_numbers**2 / 2.0)
+    @cached_property
+    def _strain(self) -> Strain:
+        return SmallSlopes(self.wave_numbers)
 
 
 @final
@@ -269,16 +221,10 @@ class NonlinearMembrane(Membrane):
     by 3e-4 at 17 %; both errors fall as N^-3, as the arc's curvature does not vanish at the ends and that of a sine
     series does.
 
-    Everything is nondimensional (chord, stream velocity, density).
-
     Parameters
     ----------
-    mass_ratio : float
-        mu = rho_s h / (rho c), not negative.
-    stiffness : float
-        Eh = E_s h / (rho U^2 c), positive.
-    prestrain : float
-        delta0, not negative; the tension at rest is c_T0 = 2 Eh delta0.
+    mass_ratio, stiffness, prestrain : float
+        mu = rho_s h / (rho c), Eh = E_s h / (rho U^2 c) and delta0; the tension at rest is c_T0 = 2 Eh delta0.
     n_modes : int
         Number N of sine modes.
     n_nodes : int or None
@@ -286,6 +232,8 @@ class NonlinearMembrane(Membrane):
     """
 
     n_nodes: int | None = None
+
+    _law: ClassVar[TensionLaw] = ElasticTension()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -295,29 +243,5 @@ class NonlinearMembrane(Membrane):
             object.__setattr__(self, "n_nodes", n_nodes)
 
     @cached_property
-    def _slopes(self) -> Array:
-        """Slopes k pi cos(k pi x) of the modes at the nodes, (n_nodes, N)."""
-        n_nodes = max(32, 4 * self.n_modes + 8) if self.n_nodes is None else self.n_nodes
-        x = (np.arange(n_nodes) + 0.5) / n_nodes
-        return np.asarray(self.wave_numbers * np.cos(np.multiply.outer(x, self.wave_numbers)))
-
-    def elongation(self, W: Any) -> Any:
-        """Return delta = int sqrt(1 + w_x^2) dx - 1, without cancellation at small slopes."""
-        squared = _times(self._slopes, W) ** 2
-        return _row(np.full(len(self._slopes), 1.0 / len(self._slopes)), squared / (1.0 + (1.0 + squared) ** 0.5))
-
-    def _elongation_gradient(self, W: Any) -> Any:
-        slope = _times(self._slopes, W)
-        return _times(self._slopes.T / len(self._slopes), slope / (1.0 + slope**2) ** 0.5)
-
-    def _elongation_curvature(self, W: Array) -> Array:
-        slope = self._slopes @ W
-        return np.asarray((self._slopes.T * (1.0 + slope**2) ** -1.5) @ self._slopes / len(self._slopes))
-
-
-def _times(matrix: Array, W: Any) -> Any:
-    return ca.sparsify(ca.DM(matrix)) @ W if isinstance(W, _CASADI) else matrix @ np.asarray(W, dtype=float)
-
-
-def _row(weights: Array, values: Any) -> Any:
-    return _times(weights[np.newaxis, :], values) if isinstance(values, _CASADI) else weights @ np.asarray(values)
+    def _strain(self) -> Strain:
+        return ExactArc(self.wave_numbers, max(32, 4 * self.n_modes + 8) if self.n_nodes is None else self.n_nodes)

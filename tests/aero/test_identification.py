@@ -205,7 +205,10 @@ def test_a_short_record_is_warned_of():
         (lambda t, y: (t**1.1, y), "uniform"),
         (lambda t, y: (t + 1.0, y), "start at 0"),
         (lambda t, y: (t[:5], y[:5]), "at least 8"),
-        (lambda t, y: (t, np.where(t[:, None, None] == t[3], np.nan, y)), "not finite"),
+        (
+            lambda t, y: (t, np.where(t[:, None, None] == t[3], np.nan, y)),
+            r"loads\[3, 0, 0\] is nan; all values must",
+        ),
         (lambda t, y: (t, y[:-1]), "do not fit"),
     ],
 )
@@ -223,6 +226,13 @@ def test_a_response_survives_csv_and_npz(tmp_path):
     for back in (FrequencyResponse.from_csv(tmp_path / "g.csv"), FrequencyResponse.load(tmp_path / "g.npz")):
         for name in ("omega", "values", "static", "base_load"):
             assert np.array_equal(getattr(back, name), getattr(response, name))
+
+
+def test_rows_and_columns_have_names():
+    response = response_of(known_fit()).truncated(0)
+    assert response.load_names == ["C_L"]
+    assert response.motion_names == ["alpha", "z"]
+    assert response.values.shape[1:] == (len(response.load_names), len(response.motion_names))
 
 
 def test_a_table_with_a_missing_entry_is_refused(tmp_path):
@@ -267,10 +277,12 @@ def test_bad_responses_are_refused():
     for change, message in (
         ({"omega": good.omega[::-1]}, "rising"),
         ({"values": good.values[:, :, :-1]}, "shape"),
-        ({"static": good.static * np.nan}, "not finite"),
+        ({"static": good.static * np.nan}, r"static\[0, 0\] is nan; all values must be finite"),
     ):
         with pytest.raises(ValueError, match=message):
             FrequencyResponse(**(facts | change))
+    with pytest.raises(ValueError, match=rf"n_modes is 9; give an integer from 0 to {good.n_modes}: the response has"):
+        good.truncated(9)
     with pytest.raises(ValueError, match="no frequency"):
         good.band(1e4, 1e5)
 

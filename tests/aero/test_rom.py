@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -290,6 +291,30 @@ def test_a_rom_cannot_be_changed_and_shares_no_memory():
     before = rom.mass.copy()
     arrays["mass"][:] = 0.0
     np.testing.assert_array_equal(rom.mass, before)
+
+
+@quick
+@given(rom=roms)
+def test_a_copy_without_changes_is_equal_and_shares_no_memory(rom):
+    copy = replace(rom)
+    assert copy == rom
+    assert not np.shares_memory(copy.stiffness, rom.stiffness)
+
+
+def test_a_copy_with_changes_keeps_the_rest_and_is_checked_again():
+    rom = AeroROM(**valid(), provenance=Provenance(reynolds=100.0))
+    copy = replace(rom, damping=2.0 * rom.damping, base_load=None)
+    np.testing.assert_array_equal(copy.damping, 2.0 * rom.damping)
+    np.testing.assert_array_equal(copy.base_load, 0.0)
+    assert replace(copy, damping=rom.damping, base_load=rom.base_load) == rom
+    with pytest.raises(ValueError, match=r"lag_state has the eigenvalue"):
+        replace(rom, lag_state=-rom.lag_state)
+    with pytest.raises(ValueError, match=r"lag_output has shape \(3, 3\); \(3, 2\) is needed"):
+        replace(rom, lag_state=-np.eye(2), lag_input=np.ones((2, 4)))
+    with pytest.raises(TypeError, match="provenance is 'mine'"):
+        replace(rom, provenance="mine")
+    with pytest.raises(TypeError, match="lags"):
+        replace(rom, lags=3)
 
 
 def test_equality_is_by_value():

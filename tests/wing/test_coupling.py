@@ -1,5 +1,7 @@
 """The membrane wing: membrane and ROM brought together, against closed forms and independent solutions."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -25,10 +27,8 @@ def viscous_like(n_modes, seed=3):
     rng = np.random.default_rng(seed)
     rom = thin_airfoil(n_modes)
     lags = np.array([[-0.3, 1.0, 0.0], [-1.0, -0.3, 0.0], [0.0, 0.0, -2.0]])
-    return AeroROM(
-        stiffness=rom.stiffness,
-        damping=rom.damping,
-        mass=rom.mass,
+    return replace(
+        rom,
         lag_state=np.block([[rom.lag_state, np.zeros((2, 3))], [np.zeros((3, 2)), lags]]),
         lag_input=np.vstack([rom.lag_input, 0.1 * rng.normal(size=(3, n_modes + 2))]),
         lag_output=np.hstack([rom.lag_output, 0.1 * rng.normal(size=(n_modes + 1, 3))]),

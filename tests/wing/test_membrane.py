@@ -1,6 +1,7 @@
 """The three membranes: static shapes in closed form, limits of small slopes, energy."""
 
-from dataclasses import FrozenInstanceError
+import pickle
+from dataclasses import FrozenInstanceError, replace
 from types import SimpleNamespace
 
 import casadi as ca
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.integrate import quad
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from hbnlp.wing.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
 
@@ -126,8 +127,9 @@ def test_doubling_the_nodes_changes_nothing(n_modes, decay, tolerance):
     k = np.arange(1, n_modes + 1)
     W = np.random.default_rng(1).choice([-1.0, 1.0], n_modes) / k**decay
     membrane = NonlinearMembrane(n_modes=n_modes)
-    W /= np.abs(membrane._slopes @ W).max()
-    twice = NonlinearMembrane(n_modes=n_modes, n_nodes=2 * len(membrane._slopes))
+    slopes = membrane._strain.slopes
+    W /= np.abs(slopes @ W).max()
+    twice = NonlinearMembrane(n_modes=n_modes, n_nodes=2 * len(slopes))
     exact = twice.restoring_force(W)
     change = np.abs(membrane.restoring_force(W) - exact).max() / np.abs(exact).max()
     assert change < tolerance
@@ -264,6 +266,13 @@ def test_camber_of_the_first_mode_is_its_amplitude():
     assert LinearMembrane(n_modes=5).camber([-0.07, 0, 0, 0, 0]) == pytest.approx(0.07, rel=1e-14)
 
 
+def test_camber_is_that_of_the_higher_of_two_peaks_whatever_the_nodes_see():
+    # the third mode's peaks at 1/6 and 5/6 lie between nodes, that at 1/2, which is lower, on one
+    membrane, W = LinearMembrane(n_modes=4), np.array([2e-5, 0.0, 0.0625, 0.0])
+    exact = minimize_scalar(lambda x: -membrane.displacement(W, [x])[0], bounds=(0.1, 0.25), options={"xatol": 1e-12})
+    assert membrane.camber(W) == pytest.approx(-exact.fun, rel=1e-9)
+
+
 # --- bad input
 
 
@@ -288,6 +297,35 @@ def test_bad_properties_are_refused_with_their_value(model, changes, error, mess
 def test_too_few_nodes_are_refused():
     with pytest.raises(ValueError, match=r"n_nodes is 10; give an integer of at least 11, more than the 10 modes"):
         NonlinearMembrane(n_nodes=10)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_membrane_survives_pickling_also_after_use(model):
+    membrane = model(n_modes=3, prestrain=0.01)
+    W = np.array([0.1, 0.0, -0.02])
+    force = membrane.restoring_force(W)
+    copy = pickle.loads(pickle.dumps(membrane))  # noqa: S301 - our own bytes
+    assert copy == membrane
+    np.testing.assert_array_equal(copy.restoring_force(W), force)
+
+
+def test_a_copy_with_other_modes_has_their_strain():
+    membrane = NonlinearMembrane(n_modes=3)
+    assert membrane.elongation(np.full(3, 0.1)) > 0.0
+    assert replace(membrane, n_modes=1).restoring_force(np.array([0.1])).shape == (1,)
+
+
+def test_the_linear_membrane_has_no_nonlinear_force_as_an_expression_either():
+    for symbol in (ca.SX.sym("W", 3), ca.MX.sym("W", 3)):
+        assert LinearMembrane(n_modes=3).nonlinear_force(symbol).is_zero()
+        assert not QuasiLinearMembrane(n_modes=3).nonlinear_force(symbol).is_zero()
+
+
+@pytest.mark.parametrize("model", [QuasiLinearMembrane, NonlinearMembrane])
+def test_nonlinear_force_of_small_shapes_is_cubic_without_cancellation(model):
+    membrane, W = model(n_modes=3), np.array([0.3, -0.2, 0.1])
+    small, tenfold = membrane.nonlinear_force(1e-6 * W), membrane.nonlinear_force(1e-5 * W)
+    np.testing.assert_allclose(1000.0 * small, tenfold, rtol=1e-6)
 
 
 def test_membranes_are_frozen_records():

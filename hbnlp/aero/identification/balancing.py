@@ -16,13 +16,14 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sl
-from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
+from hbnlp.aero.identification.least_squares import real_least_squares
 from hbnlp.aero.rom import AeroROM
 from hbnlp.core.checks import whole_number
 from hbnlp.core.types import Array, ComplexArray
@@ -61,7 +62,7 @@ def balanced_truncation(rom: AeroROM, n_lags: int) -> Balanced:
     control = np.asarray(sl.solve_continuous_lyapunov(a, -b @ b.T), dtype=float)
     observe = np.asarray(sl.solve_continuous_lyapunov(a.T, -c.T @ c), dtype=float)
     left, right, values = _balancing(control, observe, n)
-    return Balanced(_with_lags(rom, left.T @ a @ right, left.T @ b, c @ right), values)
+    return Balanced(replace(rom, lag_state=left.T @ a @ right, lag_input=left.T @ b, lag_output=c @ right), values)
 
 
 def reduce_to_band(
@@ -98,7 +99,8 @@ def reduce_to_band(
     observe = np.sum(measure * (adjoint @ adjoint.conj().transpose(0, 2, 1)).real, axis=0)
     left, right, _ = _balancing(control, observe, n)
     a, basis = _stable_part(left.T @ rom.lag_state @ right)
-    reduced = _with_lags(rom, a, basis.T @ left.T @ rom.lag_input, rom.lag_output @ right @ basis)
+    b, c = basis.T @ left.T @ rom.lag_input, rom.lag_output @ right @ basis
+    reduced = replace(rom, lag_state=a, lag_input=b, lag_output=c)
     for _ in range(sweeps):
         reduced = refit_output(refit_input(reduced, response, known=known), response, known=known)
     return reduced
@@ -125,14 +127,10 @@ def refit_output(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[i
     )
     matrix = (weights[:, :, None] * matrix).reshape(s.size * columns, -1)
     right = weights[:, :, None] * (response.values - rom.stiffness - s[:, None, None] * fixed).transpose(0, 2, 1)
-    solution = _least_squares(matrix, right.reshape(s.size * columns, rows))
+    solution = real_least_squares(matrix, right.reshape(s.size * columns, rows))
     n = rom.n_lags
     fixed[:, free] = solution[n : n + len(free)].T
-    return AeroROM(
-        stiffness=rom.stiffness, damping=fixed, mass=solution[n + len(free) :].T,
-        lag_state=rom.lag_state, lag_input=rom.lag_input, lag_output=solution[:n].T,
-        base_motion=rom.base_motion, base_load=rom.base_load, provenance=rom.provenance,
-    )  # fmt: skip
+    return replace(rom, damping=fixed, mass=solution[n + len(free) :].T, lag_output=solution[:n].T)
 
 
 def refit_input(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[int] = ()) -> AeroROM:
@@ -155,26 +153,14 @@ def refit_input(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[in
             solution[n : n + rows, column] = rom.damping[:, column]
             right = right - s[:, None] * rom.damping[:, column]
         matrix = (weights[:, None, None] * basis[:, :, unknown]).reshape(m * rows, -1)
-        solution[unknown, column] = _least_squares(matrix, (weights[:, None] * right).reshape(-1, 1))[:, 0]
-    return AeroROM(
-        stiffness=rom.stiffness, damping=solution[n : n + rows], mass=solution[n + rows :],
-        lag_state=rom.lag_state, lag_input=solution[:n], lag_output=rom.lag_output,
-        base_motion=rom.base_motion, base_load=rom.base_load, provenance=rom.provenance,
-    )  # fmt: skip
+        solution[unknown, column] = real_least_squares(matrix, (weights[:, None] * right).reshape(-1, 1))[:, 0]
+    return replace(rom, damping=solution[n : n + rows], mass=solution[n + rows :], lag_input=solution[:n])
 
 
 def _states(a: Array, b: Array, s: ComplexArray) -> ComplexArray:
     shifted = s[:, None, None] * np.eye(len(a)) - a
     drive = np.broadcast_to(b.astype(complex), (s.size, *b.shape))
     return np.asarray(np.linalg.solve(shifted, drive), dtype=complex)
-
-
-def _least_squares(matrix: NDArray[Any], right: NDArray[Any]) -> Array:
-    left = np.concatenate([matrix.real, matrix.imag])
-    scale = np.linalg.norm(left, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    target = np.concatenate([right.real, right.imag])
-    return np.asarray(np.linalg.lstsq(left / scale, target, rcond=None)[0] / scale[:, None])
 
 
 def _balancing(control: Array, observe: Array, n: int) -> tuple[Array, Array, Array]:
@@ -197,10 +183,3 @@ def _stable_part(a: Array) -> tuple[Array, Array]:
 def _root(gramian: Array) -> Array:
     values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
     return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
-
-
-def _with_lags(rom: AeroROM, a: Array, b: Array, c: Array) -> AeroROM:
-    return AeroROM(
-        stiffness=rom.stiffness, damping=rom.damping, mass=rom.mass, lag_state=a, lag_input=b, lag_output=c,
-        base_motion=rom.base_motion, base_load=rom.base_load, provenance=rom.provenance,
-    )  # fmt: skip

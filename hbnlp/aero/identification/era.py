@@ -27,6 +27,7 @@ import numpy as np
 import scipy.linalg as sl
 from numpy.typing import ArrayLike, NDArray
 
+from hbnlp.aero.arrays import check_finite
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
 from hbnlp.core.checks import whole_number
@@ -121,9 +122,7 @@ def realise(
     a, b = _continuous(discrete, (left @ hankel)[:, : y.shape[2]], dt)
     dropped = n_lags - len(a)
     c = _fit_output(a, b, t, transient)
-    rom = AeroROM(
-        stiffness=k, damping=d, mass=mass, lag_state=a, lag_input=b, lag_output=c, provenance=provenance or Provenance()
-    )
+    rom = AeroROM(stiffness=k, damping=d, mass=mass, lag_state=a, lag_input=b, lag_output=c, provenance=provenance)
     size = np.abs(transient).max(axis=(0, 1))
     error = float((np.abs(_decay(a, b, c, t) - transient).max(axis=(0, 1)) / np.where(size > 0.0, size, 1.0)).max())
     logger.info("%d of %d eigenvalues dropped, record error %.2e", dropped, n_lags, error)
@@ -165,8 +164,7 @@ def _check_record(t: Array, y: Array) -> None:
             f"time starts at {t[0]:g} with steps from {steps.min():g} to {steps.max():g}; "
             "it must start at 0 and be uniform: interpolate the record first"
         )
-    if not np.all(np.isfinite(y)):
-        raise ValueError(f"loads hold a value that is not finite at index {tuple(np.argwhere(~np.isfinite(y))[0])}")
+    check_finite("loads", y)
 
 
 def _quasi_steady(t: Array, y: Array, stiffness: ArrayLike | None, damping: ArrayLike | None) -> tuple[Array, Array]:

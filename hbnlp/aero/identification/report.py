@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,12 +67,11 @@ class RationalFit:
         return figure
 
     def __repr__(self) -> str:
-        names = ["alpha", "z", *(f"W_{k}" for k in range(1, self.response.n_modes + 1))]
         worst = self.errors.max(axis=0)
         column = int(worst.argmax())
         return (
             f"RationalFit: {self.n_poles} poles, {self.rom.n_lags} lag states\n"
-            f"  largest relative error of a column {worst[column]:.2e} ({names[column]}), "
+            f"  largest relative error of a column {worst[column]:.2e} ({self.response.motion_names[column]}), "
             f"band {self.band[0]:g} to {self.band[1]:g}"
         )
 
@@ -157,7 +156,7 @@ def identify(
     if n_lags is not None:
         rom = reduce_to_band(rom, inside, n_lags=n_lags, known=tuple(damping or ()))
         error = float(inside.column_errors(rom.transfer(1j * inside.omega)).max())
-        rom = _with_provenance(rom, provenance(response, band=band, error=error))
+        rom = replace(rom, provenance=provenance(response, band=band, error=error))
     return RationalFit(rom=rom, response=response, band=band, n_poles=fit.poles.size)
 
 
@@ -179,11 +178,4 @@ def provenance(response: FrequencyResponse, *, band: tuple[float, float], error:
     return Provenance(
         source=str(about.get("source", "frequency response")), reynolds=about.get("reynolds"),
         incidence=float(about.get("incidence", 0.0)), band=band, fit_error=error,
-    )  # fmt: skip
-
-
-def _with_provenance(rom: AeroROM, about: Provenance) -> AeroROM:
-    return AeroROM(
-        stiffness=rom.stiffness, damping=rom.damping, mass=rom.mass, lag_state=rom.lag_state, lag_input=rom.lag_input,
-        lag_output=rom.lag_output, base_motion=rom.base_motion, base_load=rom.base_load, provenance=about,
     )  # fmt: skip

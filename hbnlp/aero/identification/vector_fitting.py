@@ -26,12 +26,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hbnlp.aero.frequency_response import FrequencyResponse
+from hbnlp.aero.identification.least_squares import least_squares, real_and_imaginary, real_least_squares
 from hbnlp.aero.identification.modal import real_basis, residues, sort_poles
 from hbnlp.core.checks import whole_number
 from hbnlp.core.types import Array, ComplexArray
@@ -121,9 +120,9 @@ def fit_residues(
         if column in known:
             coefficients[-1, :, column] = known[column]
             right = w * (h[:, :, column] - known[column])
-            coefficients[:-1, :, column] = _real_least_squares(w * basis[:, :-1], right)
+            coefficients[:-1, :, column] = real_least_squares(w * basis[:, :-1], right)
         else:
-            coefficients[:, :, column] = _real_least_squares(w * basis, w * h[:, :, column])
+            coefficients[:, :, column] = real_least_squares(w * basis, w * h[:, :, column])
     return PoleFit(
         poles=poles,
         residues=residues(poles, coefficients[:-2]),
@@ -150,11 +149,11 @@ def _relocate(
     blocks = []
     for column in range(h.shape[2]):
         w = weights[:, column, None]
-        left = _split(w * common)
+        left = real_and_imaginary(w * common)
         scale = np.linalg.norm(left, axis=0)
         q, _ = np.linalg.qr(left / scale)
         for row in range(h.shape[1]):
-            right = _split(-w * h[:, row, column, None] * sigma)
+            right = real_and_imaginary(-w * h[:, row, column, None] * sigma)
             right -= q @ (q.T @ right)
             blocks.append(np.linalg.qr(right, mode="r"))
     # the relaxed condition: sigma has the mean 1 over the band, instead of the value 1 at infinity
@@ -164,8 +163,7 @@ def _relocate(
     target = np.zeros(len(system) + 1)
     target[-1] = size
     full = np.concatenate([system, condition])
-    scale = np.linalg.norm(full, axis=0)
-    solution = np.linalg.lstsq(full / scale, target, rcond=None)[0] / scale
+    solution = least_squares(full, target[:, None])[:, 0]
     constant = solution[-1]
     if abs(constant) < 1e-8:
         constant = np.copysign(1e-8, constant)
@@ -181,13 +179,3 @@ def _companion(poles: ComplexArray) -> tuple[Array, Array]:
         a[i, i + 1], a[i + 1, i] = poles[i].imag, -poles[i].imag
         b[i], b[i + 1] = 2.0, 0.0
     return a, b
-
-
-def _split(array: NDArray[Any]) -> Array:
-    return np.concatenate([array.real, array.imag])
-
-
-def _real_least_squares(matrix: NDArray[Any], right: NDArray[Any]) -> Array:
-    left = _split(matrix)
-    scale = np.linalg.norm(left, axis=0)
-    return np.asarray(np.linalg.lstsq(left / scale, _split(right), rcond=None)[0] / scale[:, None])

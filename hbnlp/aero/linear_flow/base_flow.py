@@ -10,6 +10,7 @@ import numpy as np
 
 from hbnlp.aero.linear_flow.direct import factorise
 from hbnlp.aero.linear_flow.sparse import free_unknowns, to_csr
+from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.types import Array
 
@@ -89,16 +90,14 @@ def steady_flow(
     ------
     ValueError
         If the Reynolds number is not positive, the order is below 2, or a half mesh is given with an incidence.
-    hbnlp.errors.ConvergenceError
+    ConvergenceError
         If Newton does not converge; the steady flow may not exist, or the mesh is too coarse for it.
     """
     import ngsolve as ng
 
     symmetric = "axis" in mesh.GetBoundaries()
-    if not reynolds > 0.0:
-        raise ValueError(f"reynolds is {reynolds:g}; give a positive number")
-    if order < 2:
-        raise ValueError(f"order is {order}; Taylor-Hood elements need at least 2 (4 is recommended)")
+    real_number("reynolds", reynolds, above=0.0)
+    whole_number("order", order, least=2, advice=" for Taylor-Hood elements (4 is recommended)")
     if symmetric and incidence != 0.0:
         raise ValueError(f"incidence is {incidence:g} rad, but the mesh is a half plane; use slit_mesh")
     space = _space(mesh, order, symmetric)

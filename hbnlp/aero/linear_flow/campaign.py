@@ -142,7 +142,7 @@ def run_campaign(
         If a frequency is not positive, a probe is not among them, or the folder belongs to another case.
     UnsteadyFlowError
         If the steady flow has an unstable eigenvalue near the frequencies of vortex shedding, `SHEDDING`.
-    hbnlp.errors.ConvergenceError
+    ConvergenceError
         If the steady flow is not found.
     ImportError
         If NGSolve is not installed.

@@ -10,6 +10,7 @@ from hbnlp.aero.linear_flow.base_flow import BaseFlow
 from hbnlp.aero.linear_flow.direct import factorise
 from hbnlp.aero.linear_flow.motion import load_tests, plate_motions
 from hbnlp.aero.linear_flow.operator import linearise
+from hbnlp.core.checks import whole_number
 from hbnlp.core.types import ComplexArray
 
 
@@ -30,8 +31,7 @@ class LinearResponse:
     """
 
     def __init__(self, flow: BaseFlow, *, n_modes: int) -> None:
-        if n_modes < 0:
-            raise ValueError(f"n_modes is {n_modes}; give 0 (rigid plate) or more")
+        n_modes = whole_number("n_modes", n_modes, least=0, advice=", 0 for a rigid plate")
         self._matrices = linearise(flow)
         velocity = self._matrices.velocity
         motions = plate_motions(flow, velocity, n_modes)
