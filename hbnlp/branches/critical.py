@@ -13,7 +13,8 @@ from hbnlp.continuation.curve import null_vector
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
 from hbnlp.solutions.solution import attached
-from hbnlp.stability.multipliers import NEGLIGIBLE, FloquetEvaluator
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.spectra import NEGLIGIBLE
 from hbnlp.systems.lags import periodic_lag_states
 from hbnlp.systems.system import System
 

@@ -76,9 +76,7 @@ class Tracer:
             begin = resumed_start(problem, name, self.span, resume, at=at, stability=stability)
         else:
             begin = fresh_start(problem, name, self.span, at=at, start=start, direction=direction, away_from=away_from)
-        evaluator = None
-        if stability is not None:
-            evaluator = FloquetEvaluator(problem.system, problem.periods, problem.n_harmonics, stability)
+        evaluator = None if stability is None else FloquetEvaluator.of(problem, stability)
         self._detector = Detector(evaluator, self.options.newton)
         low, high = sorted(self.span)
         self._walk = Walk(

@@ -11,11 +11,12 @@ from hbnlp.core.types import Array
 
 
 class At(NamedTuple):
-    """Where a condition is evaluated: numbers of the balance, its unknowns and parameters, the condition's unknowns."""
+    """Where equations are evaluated: numbers of the balance, its unknowns and parameters, the condition's unknowns."""
 
     assembly: Assembly
     x: Array
     values: Array
+    load: float
     added: Array
 
 

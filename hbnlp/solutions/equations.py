@@ -110,19 +110,19 @@ class Equations:
     def residual(self, y: Array) -> Array:
         """Return R(y), (size,)."""
         at = self._at(y)
-        balance = at.assembly.residual(at.x, at.values, self._load(y))
+        balance = at.assembly.residual(at.x, at.values, at.load)
         return balance if self.condition is None else np.concatenate([balance, self.condition.residual(at)])
 
     def jacobian(self, y: Array, out: Array) -> None:
         """Write dR/dy into an array (size, size + 1) of zeros."""
-        at, n, load = self._at(y), self.problem.size, self._load(y)
+        at, n = self._at(y), self.problem.size
         assembly, x, values = at.assembly, at.x, at.values
         assembly.jacobian(x, values, out[:n, :n])
         for column, index in enumerate(self._indices, start=y.size - len(self._indices)):
             if index is None:
                 out[:n, column] = assembly.load_derivative(values)
             else:
-                out[:n, column] = assembly.parameter_derivative(x, values, index, load)
+                out[:n, column] = assembly.parameter_derivative(x, values, index, at.load)
         if self.condition is not None:
             self.condition.jacobian(at, out[:n, :n], out[n:], self._indices)
 
@@ -137,13 +137,8 @@ class Equations:
         return size if self.condition is None else max(size, self.condition.term_size(at))
 
     def _at(self, y: Array) -> At:
-        return At(self.problem.assembly, self.unknowns.coefficients(y), self.values(y), self.unknowns.added(y))
-
-    def _load(self, y: Array) -> float:
-        """Return the factor on the excitation."""
-        if None not in self._indices:
-            return 1.0
-        return float(self.unknowns.scalars(y)[self._indices.index(None)])
+        load = float(self.unknowns.scalars(y)[self._indices.index(None)]) if None in self._indices else 1.0
+        return At(self.problem.assembly, self.unknowns.coefficients(y), self.values(y), load, self.unknowns.added(y))
 
 
 def along_parameter(

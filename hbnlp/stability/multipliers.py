@@ -13,16 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
+from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.types import Array, ComplexArray
-from hbnlp.solutions.solution import Solution
+from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.collocation import Gauss, StepMaps
 from hbnlp.stability.result import Floquet, FloquetResult
-from hbnlp.stability.spectra import NEGLIGIBLE, distance, ordered, product, spectrum
+from hbnlp.stability.spectra import distance, ordered, product, spectrum
 from hbnlp.stability.variation import Linearisation, NodeValues, Variation
 from hbnlp.systems.plant import Plant
 from hbnlp.systems.system import System
-
-__all__ = ["NEGLIGIBLE", "Floquet", "FloquetEvaluator", "FloquetResult", "floquet"]
 
 _RESOLVED = 0.1  # two meshes whose multipliers differ by more are both too coarse to learn from
 
@@ -68,6 +67,15 @@ class FloquetEvaluator:
         self._gauss = Gauss.of(self.options.nodes)
         cut = min(max(1e-5 * self.options.tol, 1e-13), 1e-11)
         self._linearised = Linearisation(system, periods, n_harmonics, nodes=self.options.nodes, tol=cut)
+
+    @classmethod
+    def of(cls, problem: HarmonicBalance, options: Floquet | None = None) -> FloquetEvaluator:
+        """Return the evaluator for the solutions of a problem, compiled once and kept with it."""
+        options = options or Floquet()
+        evaluator: FloquetEvaluator = problem.kept.get(
+            (cls, options), lambda: cls(problem.system, problem.periods, problem.n_harmonics, options)
+        )
+        return evaluator
 
     def __call__(
         self, coefficients: ArrayLike, values: ArrayLike, *, near: FloquetResult | None = None
@@ -195,14 +203,8 @@ def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResu
     ValueError
         If the solution did not converge, or came from a file, without its problem.
     """
-    if solution.problem is None:
-        raise ValueError("a solution from a file has no problem, and so no equations; solve it again from there")
+    problem = attached(solution)
     if not solution.converged:
         raise ValueError("the solution did not converge: it is no motion of the system, and has no stability")
-    system, options = solution.problem.system, method or Floquet()
-    # compiled once for all solutions of a problem: the usual call is in a loop over them
-    evaluate: FloquetEvaluator = solution.problem.kept.get(
-        (FloquetEvaluator, solution.periods, solution.n_harmonics, options),
-        lambda: FloquetEvaluator(system, solution.periods, solution.n_harmonics, options),
-    )
-    return evaluate(solution.coefficients, system.parameters.ordered(solution.parameters))
+    evaluate = FloquetEvaluator.of(problem, method)
+    return evaluate(solution.coefficients, problem.system.parameters.ordered(solution.parameters))

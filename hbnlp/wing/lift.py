@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import real_number
 from hbnlp.core.types import Array, ComplexArray
-from hbnlp.systems.linear_response import linear_response
 from hbnlp.systems.linear_stability import eigenvalues
+from hbnlp.systems.response_about_rest import linear_response
 from hbnlp.systems.system import System
 
 if TYPE_CHECKING:

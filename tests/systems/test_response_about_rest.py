@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hbnlp.systems import duffing
-from hbnlp.systems.linear_response import linear_response
+from hbnlp.systems.response_about_rest import linear_response
 from hbnlp.systems.system import System
 
 
