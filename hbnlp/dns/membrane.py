@@ -32,7 +32,7 @@ _NEWTON_TOLERANCE = 1e-12
 
 
 class Structure(Protocol):
-    """What is needed of a membrane in sine modes; the models of `hbnlp.membrane` have it."""
+    """What is needed of a membrane in sine modes; the models of `hbnlp.wing.membrane` have it."""
 
     @property
     def mass_ratio(self) -> float:

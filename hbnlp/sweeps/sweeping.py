@@ -67,7 +67,7 @@ def sweep(
         Called after each value with a `Progress`; one that raises `StopTracing` ends the sweep, as Ctrl-C does.
     **options
         For a balance: ``start``, a Solution or coefficients (n_dof, 2H+1) to begin from. For a system: those of
-        `hbnlp.marching.march`.
+        `hbnlp.sweeps.by_integration.march`.
 
     Returns
     -------
