@@ -27,7 +27,7 @@ class SampledForce:
     """The force f and its exact derivatives at all samples, in arrays (n_samples, size).
 
     Derivatives are the entries of f_q and f_r that may differ from zero. An array that is returned may be overwritten
-    by the next call of the same method in the same thread.
+    by the next call in the same thread.
     """
 
     def __init__(self, system: System, basis: FourierBasis, periods: int) -> None:
