@@ -66,7 +66,7 @@ class LinearBalance:
         """Return the derivative of the linear terms by parameter ``index``, (n, L)."""
         at, by = self._at(values), self._operators
         (n, n_inputs), law, rate = self._shape, at.law, at.rate
-        result, load_slope = np.zeros_like(coefficients), np.zeros_like(coefficients)
+        result, load_slope = np.zeros(coefficients.shape), np.zeros(coefficients.shape)
         first, second = coefficients @ by.first.T, coefficients @ by.second.T
         slope = at.of_laws.slope(index) if self._compiled.followed[index] else None
         if slope is not None:
@@ -105,8 +105,9 @@ class LinearBalance:
     def _transfer_slope(self, at: LinearPoint, index: int) -> ComplexArray:
         """Return the derivative of s^2 T(s) by parameter ``index``, (H, n, n + n_u)."""
         lags, orders = self._operators.lags, self._operators.orders[:, None]
-        s, weights = at.s[:, None], lags.weights(at.s)
-        result = np.zeros((at.s.size, self._shape[0], sum(self._shape)), dtype=complex)
+        s = at.s[:, None]
+        weights = lags.weights(s[:, 0])
+        result = np.zeros((s.size, self._shape[0], sum(self._shape)), dtype=complex)
         if self._compiled.followed[index]:
             result += _summed(s**2 * weights, lags.residues(at.of_laws.slope(index).lag_output))
         if index == self._omega:
@@ -173,14 +174,17 @@ class LinearPoint:
     @cached_property
     def transfer(self) -> ComplexArray:
         """s^2 T(s) of the harmonics h >= 1, (H, n, n + n_u)."""
-        return _summed((self.s**2)[:, None] * self._operators.lags.weights(self.s), self.of_laws.residues)
+        s = self.s
+        return _summed((s**2)[:, None] * self._operators.lags.weights(s), self.of_laws.residues)
 
-    @cached_property
+    @property
     def excitation(self) -> Array:
         """Coefficients (n, L) of forcing and prescribed motion, through their lag states, too."""
+        return self._load_with_motion if self.law.motion.size else self.law.forcing
+
+    @cached_property
+    def _load_with_motion(self) -> Array:
         law, by = self.law, self._operators
-        if not law.motion.size:
-            return law.forcing
         load = law.forcing + by.motion_load(law, law.motion, self.rate)
         if by.lags.n_lags:
             load += by.lagging(self.transfer[..., law.forcing.shape[0] :], law.motion)

@@ -7,6 +7,7 @@ functions there, s' their derivatives by phase. The coefficients give ``r = X s'
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -19,12 +20,14 @@ from hbnlp.systems.system import System
 LARGEST_EXPANSION = 50_000
 """Instructions up to which all samples are written out as one function: calls cost more than arithmetic there."""
 
+_Name = Literal["value", "derivatives", "along", "derivatives_along"]
+
 
 class SampledForce:
     """The force f and its exact derivatives at all samples, in arrays (n_samples, size).
 
     Derivatives are the entries of f_q and f_r that may differ from zero. An array that is returned may be overwritten
-    by the next call of the same method in the same thread.
+    by the next call in the same thread.
     """
 
     def __init__(self, system: System, basis: FourierBasis, periods: int) -> None:
@@ -36,31 +39,34 @@ class SampledForce:
 
     def value(self, coefficients: Array, values: Array) -> Array:
         """Return the force."""
-        return self._at(coefficients, values).evaluated(self._force.value)
+        return self._at(coefficients, values).evaluated("value")
 
     def derivatives(self, coefficients: Array, values: Array) -> tuple[Array, Array]:
         """Return f_q and f_r."""
-        entries = self._at(coefficients, values).evaluated(self._force.derivatives)
-        return entries[:, : self._n_q], self._rate(values) * entries[:, self._n_q :]
+        return self._parted(self._at(coefficients, values).evaluated("derivatives"), values)
 
     def along(self, coefficients: Array, values: Array, index: int) -> Array:
         """Return the derivative of the force by parameter ``index``."""
-        return self._toward(coefficients, values, None, index).evaluated(self._force.along)
+        return self._toward(coefficients, values, None, index).evaluated("along")
 
     def derivatives_along(
         self, coefficients: Array, values: Array, direction: Array | None, index: int | None
     ) -> tuple[Array, Array]:
         """Return the slopes of f_q and f_r along coefficients (n, L), if given, plus those by a parameter."""
         memory = self._toward(coefficients, values, direction, index)
-        entries = memory.evaluated(self._force.derivatives_along)
-        by_r = self._rate(values) * entries[:, self._n_q :]
+        by_q, by_r = self._parted(memory.evaluated("derivatives_along"), values)
         if self._viscous and index == self._omega:
-            by_r += memory.evaluated(self._force.derivatives)[:, self._n_q :] / self._periods
-        return entries[:, : self._n_q], by_r
+            by_r += memory.evaluated("derivatives")[:, self._n_q :] / self._periods
+        return by_q, by_r
 
     def depends_on(self, index: int) -> bool:
         """Return whether the force depends on a parameter; on omega it may through the velocities alone."""
         return bool(self._force.depends_on[index]) or (self._viscous and index == self._omega)
+
+    def _parted(self, entries: Array, values: Array) -> tuple[Array, Array]:
+        if not self._viscous:
+            return entries, entries[:, :0]
+        return entries[:, : self._n_q], self._rate(values) * entries[:, self._n_q :]
 
     def _rate(self, values: Array) -> float:
         return float(values[self._omega]) / self._periods
@@ -103,18 +109,21 @@ class _Memory:
         self.p, self.dp = np.zeros((count, n_p)), np.zeros((count, n_p))
         self._arguments = [self.state[:count], self.v, tau[:, None].copy(), self.p]
         self._arguments += [self.direction[:count], self.dv, self.dp]
-        self._evaluations: dict[str, tuple[Callable[[], None], Array]] = {}
+        self._force = system.compiled_force
+        self._evaluations: dict[_Name, tuple[Callable[[], None], Array]] = {}
 
-    def evaluated(self, function: ca.Function) -> Array:
+    def evaluated(self, name: _Name) -> Array:
         """Return a function's result (n_samples, size) at all samples, overwritten by its next evaluation."""
-        name = function.name()
         if name not in self._evaluations:
-            count = len(self.p)
-            mapped = function.map(count)
-            if function.n_instructions() * count <= LARGEST_EXPANSION:
-                mapped = mapped.expand()
-            result = np.zeros((count, function.nnz_out(0)))
-            self._evaluations[name] = bound(mapped, self._arguments[: function.n_in()], [result]), result
+            self._evaluations[name] = self._compiled(getattr(self._force, name))
         evaluate, result = self._evaluations[name]
         evaluate()
         return result
+
+    def _compiled(self, function: ca.Function) -> tuple[Callable[[], None], Array]:
+        count = len(self.p)
+        mapped = function.map(count)
+        if function.n_instructions() * count <= LARGEST_EXPANSION:
+            mapped = mapped.expand()
+        result = np.zeros((count, function.nnz_out(0)))
+        return bound(mapped, self._arguments[: function.n_in()], [result]), result

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hbnlp.fourier import FourierBasis
-from hbnlp.systems.excitation import of_harmonics
+from hbnlp.systems.excitation import excitation_samples
 from hbnlp.systems.system import System
 
 HIGHEST_DEGREE = 9
@@ -70,7 +70,7 @@ class Sampling:
     @cached_property
     def excitation(self) -> FourierBasis:
         """Samples of forcing and prescribed motion."""
-        return FourierBasis(self.n_harmonics, of_harmonics(self.n_harmonics, self.periods))
+        return FourierBasis(self.n_harmonics, excitation_samples(self.n_harmonics, self.periods))
 
     @cached_property
     def outputs(self) -> FourierBasis:

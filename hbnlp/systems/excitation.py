@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from hbnlp.fourier import n_coefficients
 
-OF_FIRST_HARMONIC = 64
-"""For the first harmonic alone: the linear response."""
-OF_MOTION = 256
-"""For every harmonic of a prescribed motion: the lag states at one instant are a sum over all of them."""
+FIRST_HARMONIC_SAMPLES = 64
+"""For the first harmonic alone, as in the linear response."""
+MOTION_SAMPLES = 256
+"""For all harmonics of a prescribed motion: the lag states at one instant are a sum over them."""
 
 
-def of_harmonics(n_harmonics: int, periods: int) -> int:
+def excitation_samples(n_harmonics: int, periods: int) -> int:
     """Return the samples in ``periods`` forcing periods for harmonics retained by a balance.
 
     Forcing and motion are seldom evaluated: so many that their higher harmonics do not fold back.

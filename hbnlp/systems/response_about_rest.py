@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.types import ComplexArray
 from hbnlp.fourier import FourierBasis, to_complex
-from hbnlp.systems.excitation import OF_FIRST_HARMONIC
+from hbnlp.systems.excitation import FIRST_HARMONIC_SAMPLES
 from hbnlp.systems.system import System
 
 
@@ -46,7 +46,7 @@ def linear_response(
     frequencies = np.asarray(omega, dtype=float)
     slot = system.parameters.index("omega")
     base = system.parameters.values(at, but=("omega",))
-    count = OF_FIRST_HARMONIC
+    count = FIRST_HARMONIC_SAMPLES
     basis = FourierBasis(1, count)
     excitation, outputs, slopes = system.excitation.map(count), system.outputs.map(count), _output_slopes(system, index)
     n, m = system.n_dof, system.n_lags

@@ -1,5 +1,6 @@
 """`floquet` compiles once for all solutions of a problem, and threads may share what it compiled."""
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -56,7 +57,12 @@ def test_threads_that_share_a_system_get_the_same_multipliers():
     problem = HarmonicBalance(chain(3), 5)
     solutions = [solve(problem, at={"omega": omega}) for omega in np.linspace(0.3, 2.2, 12)]
     expected = [floquet(solution).multipliers for solution in solutions]
-    with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(floquet, solutions * 5))
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # threads take turns as often as they can
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            found = list(pool.map(floquet, solutions * 5))
+    finally:
+        sys.setswitchinterval(interval)
     for result, multipliers_alone in zip(found, expected * 5, strict=True):
         np.testing.assert_array_equal(result.multipliers, multipliers_alone)
