@@ -12,23 +12,42 @@ from matplotlib import pyplot as plt
 from sphinx.errors import ConfigError, ExtensionError
 from sphinx_gallery.scrapers import matplotlib_scraper
 
-# Within its folder, the order in which a reader meets an example: the paper's figures by number, the easiest first.
-READING_ORDER = (
-    *("figure_2_linear_lift", "figure_3_quasi_linear", "figure_4_hysteresis", "figure_5_harmonics"),
-    *("hysteresis_map", "all_solutions", "direct_integration", "modes"),
-    *("linear_lift_response", "membrane_wing_inviscid", "time_integration_vs_harmonic_balance"),
-    *("design_prestrain", "identify_membrane"),
-    *("duffing_hysteresis", "own_equations", "absorber_isola", "mass_chain", "choose_harmonics"),
-    *("dns_cylinder", "coupled_dns_vs_harmonic_balance"),
-)
+# The order in which a reader meets the examples of a folder: the paper's figures by number, then the easiest first.
+READING_ORDER = {
+    "paper": (
+        "figure_2_linear_lift",
+        "figure_3_quasi_linear",
+        "figure_4_hysteresis",
+        "figure_5_harmonics",
+        "hysteresis_map",
+        "all_solutions",
+        "direct_integration",
+        "modes",
+    ),
+    "wing": (
+        "linear_lift_response",
+        "membrane_wing_inviscid",
+        "time_integration_vs_harmonic_balance",
+        "design_prestrain",
+        "identify_membrane",
+    ),
+    "oscillators": (
+        "duffing_hysteresis",
+        "own_equations",
+        "absorber_isola",
+        "mass_chain",
+        "choose_harmonics",
+    ),
+    "flow": ("dns_cylinder", "coupled_dns_vs_harmonic_balance"),
+}
 
 
 def reading_order(script: str) -> int:
     """Return the place of a script among the examples."""
-    name = Path(script).stem
-    if name not in READING_ORDER:
+    name, order = Path(script).stem, [name for names in READING_ORDER.values() for name in names]
+    if name not in order:
         raise ConfigError(f"the example {name} has no place on the gallery page: name it in READING_ORDER, {__file__}")
-    return READING_ORDER.index(name)
+    return order.index(name)
 
 
 def warnings_are_errors(gallery_conf: dict[str, Any], script: str) -> None:  # noqa: ARG001  Sphinx-Gallery's signature
@@ -71,7 +90,7 @@ def whole_figure(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str,
         empty = [f"{k} {ax.get_title()!r}" for k, ax in enumerate(figure.axes) if not ax.has_data()]
         if empty or not figure.axes:
             raise ExtensionError(
-                f"{where}: of {len(figure.axes)} axes, those without data are: {', '.join(empty)}: "
-                "draw all of the figure in the block that makes it"
+                f"{where}: the figure has {len(figure.axes)} axes, without data: {', '.join(empty) or 'all'}; "
+                "draw all of it in the block that makes it"
             )
-    return matplotlib_scraper(block, block_vars, gallery_conf)
+    return str(matplotlib_scraper(block, block_vars, gallery_conf))

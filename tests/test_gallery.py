@@ -53,7 +53,7 @@ def test_axes_without_data_are_refused_with_the_name_of_the_example(tmp_path):
 
 def test_a_figure_without_axes_is_refused(tmp_path):
     plt.figure()
-    with pytest.raises(ExtensionError, match=r"some_example\.py.*of 0 axes"):
+    with pytest.raises(ExtensionError, match=r"some_example\.py.*the figure has 0 axes"):
         scrape(tmp_path)
 
 
