@@ -2,8 +2,14 @@
 
 import importlib.metadata
 import os
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))  # for gallery_pages.py
 
 os.environ.setdefault("TQDM_DISABLE", "1")  # progress bars are for terminals, not for pages
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")  # as in the tests: the examples themselves run side by side
 
 project = "hbnlp"
 author = "The hbnlp developers"
@@ -38,9 +44,14 @@ numpydoc_xref_param_type = False
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
-    "filename_pattern": r"\.py$",  # every example is run
-    "within_subsection_order": "FileNameSortKey",
+    "subsection_order": [f"../examples/{folder}" for folder in ("paper", "wing", "oscillators", "flow")],
+    "within_subsection_order": "gallery_pages.reading_order",
+    "filename_pattern": r"\.py$",  # every example is run, and nowhere else: this is its test
     "abort_on_example_error": True,
+    "reset_modules": ("matplotlib", "gallery_pages.warnings_are_errors"),
+    "image_scrapers": ("gallery_pages.whole_figure",),
+    # always in processes of their own, so that their warnings' filter is not Sphinx's
+    "parallel": min(4, max(2, os.cpu_count() or 2)),
     "download_all_examples": False,
     "show_memory": False,
     "show_signature": False,

@@ -1,37 +1,52 @@
-"""Every example runs, warns of nothing, meets its own assertions (its headline number) and writes its figure."""
+"""The form of the examples. They run, warn of nothing and meet their own assertions once, as the gallery is built."""
 
-import os
-import runpy
+import functools
+import re
 from pathlib import Path
 
-import matplotlib
 import pytest
-from matplotlib import pyplot as plt
+from gallery_pages import READING_ORDER
 
-EXAMPLES = sorted(Path(__file__).parents[1].joinpath("examples").glob("*.py"))
-QUICK = {"absorber_isola", "own_equations"}
+import hbnlp
+import hbnlp.design
+import hbnlp.dns
+import hbnlp.identification
 
-
-@pytest.mark.parametrize(
-    "script",
-    [pytest.param(path, marks=() if path.stem in QUICK else pytest.mark.slow, id=path.stem) for path in EXAMPLES],
-)
-def test_example_meets_its_assertions_and_writes_its_figure(script, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert matplotlib.get_backend().lower() == "agg"
-    try:
-        runpy.run_path(os.fspath(script), run_name="__main__")
-    finally:
-        plt.close("all")
-    figure = tmp_path / "figures" / f"{script.stem}.png"
-    assert figure.stat().st_size > 10_000
+FOLDER = Path(__file__).parents[1] / "examples"
+EXAMPLES = sorted(FOLDER.rglob("*.py"))
+examples = pytest.mark.parametrize("script", EXAMPLES, ids=lambda path: path.stem)
 
 
-def test_examples_are_short_and_say_what_they_show():
-    for script in EXAMPLES:
-        text = script.read_text(encoding="utf-8")
-        code = text.split('"""', 2)[2]
-        assert len([line for line in code.splitlines() if line.strip()]) <= 70, script.name
-        assert "assert " in code, script.name
-        assert ".show(" not in code, script.name
-        assert f"figures/{script.stem}.png" in code, script.name
+def code_of(script):
+    return script.read_text(encoding="utf-8").split('"""', 2)[2]
+
+
+@examples
+def test_an_example_is_short_and_asserts_its_headline_number(script):
+    code = code_of(script)
+    assert len([line for line in code.splitlines() if line.strip()]) <= 70
+    assert "assert " in code
+
+
+@examples
+def test_an_example_ends_in_one_figure_saved_under_its_own_name(script):
+    *before, last = code_of(script).split("\n# %%\n")
+    assert last.count(".savefig(") == 1
+    assert f'.savefig("{script.stem}.png", ' in last
+    assert not any(".savefig(" in block for block in before)
+    assert ".show(" not in code_of(script)
+
+
+@examples
+def test_the_names_that_an_example_takes_from_the_package_exist(script):
+    names = set(re.findall(r"\bhbnlp((?:\.\w+)+)", code_of(script)))
+    assert names or "from hbnlp import" in code_of(script)
+    for name in names:
+        functools.reduce(getattr, name.split(".")[1:], hbnlp)
+
+
+def test_each_example_has_its_place_in_a_folder_of_the_gallery():
+    folders = {folder: {script.stem for script in (FOLDER / folder).glob("*.py")} for folder in READING_ORDER}
+    assert folders == {folder: set(names) for folder, names in READING_ORDER.items()}
+    assert len(EXAMPLES) == sum(map(len, READING_ORDER.values()))
+    assert all((FOLDER / folder / "GALLERY_HEADER.rst").is_file() for folder in READING_ORDER)

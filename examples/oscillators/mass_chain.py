@@ -22,8 +22,6 @@ Seven harmonics make 150 unknowns. All of the high-frequency end is stable, and 
    doi:10.1137/1.9780898719154.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
@@ -51,5 +49,4 @@ for ax in axes:
 axes[0].set(xlim=(0.2, 2.2), title="sixteen folds")
 axes[1].set(xlim=(0.85, 1.33), ylim=(1.3, 2.15), title="where legs come close")
 axes[1].get_legend().remove()
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/mass_chain.png", dpi=110)
+figure.savefig("mass_chain.png", dpi=110)

@@ -25,8 +25,6 @@ in a motion with even harmonics, whose lift is 2 per cent less: the cross beside
    membrane wing at low Reynolds numbers".
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
@@ -74,5 +72,4 @@ for error, label in zip(errors, ("nonlinear, H = 3", "nonlinear, H = 7", "quasi-
     right.semilogy(omegas[stable], error[stable], "o-", label=label)
 right.set(xlabel=r"$\omega$", ylabel=r"relative difference of $|C_L|$ from Runge-Kutta", title="stable motions")
 right.legend(frameon=False)
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/time_integration_vs_harmonic_balance.png", dpi=110)
+figure.savefig("time_integration_vs_harmonic_balance.png", dpi=110)

@@ -21,8 +21,6 @@ with exact derivatives; the multiplier of :math:`\omega_1 \ge 4.5` is the price 
 independent: the new wing is traced from the beginning.
 """
 
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 from matplotlib import pyplot as plt
@@ -78,5 +76,4 @@ right.plot(frequencies, needed, "o-", label="smallest prestrain")
 right.plot(limit, farthest.values["prestrain"], "*", markersize=12, label="camber of 7 per cent")
 right.set(xlabel=r"first fold at $\omega$", ylabel=r"$\delta_0$", title="price of frequency")
 right.legend(frameon=False)
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/design_prestrain.png", dpi=110)
+figure.savefig("design_prestrain.png", dpi=110)

@@ -20,7 +20,6 @@ must resolve the fastest lag state, the periods the slowest decay. And integrati
 """
 
 import time
-from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -88,5 +87,4 @@ left.set(
 left.legend(frameon=False, fontsize="small")
 right.set(xlabel=r"$\omega$", title="difference from Runge-Kutta, relative")
 right.legend(frameon=False, fontsize="small")
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/paper_direct_integration.png", dpi=110)
+figure.savefig("direct_integration.png", dpi=110)

@@ -70,5 +70,4 @@ for way, marker, colour in (("up", "^", "tab:blue"), ("down", "v", "tab:orange")
 
 ax.set(yscale="log", xlim=(0.8, 8.2), ylabel="$|C_L|$ (first harmonic)")
 ax.legend(frameon=False, fontsize="small")
-Path("figures").mkdir(exist_ok=True)
-ax.figure.savefig("figures/coupled_dns_vs_harmonic_balance.png", dpi=110)
+ax.figure.savefig("coupled_dns_vs_harmonic_balance.png", dpi=110)

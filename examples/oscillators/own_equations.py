@@ -20,8 +20,6 @@ unstable, to the second.
 .. [1] A. H. Nayfeh, D. T. Mook, *Nonlinear Oscillations*, Wiley (1979), doi:10.1002/9783527617586, section 5.3.
 """
 
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 
@@ -72,5 +70,4 @@ doubled.plot("x", ax=ax, label=r"twice the period: $\omega/2$", special={hbnlp.K
 ax.plot([s.omega for s in some], np.abs(integrated), "kx", label="direct integration")
 ax.set(ylabel="amplitude of x", xlim=(0.6, 4.4))
 ax.legend(frameon=False, loc=(0.62, 0.12))
-Path("figures").mkdir(exist_ok=True)
-ax.figure.savefig("figures/own_equations.png", dpi=110)
+ax.figure.savefig("own_equations.png", dpi=110)

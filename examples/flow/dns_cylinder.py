@@ -13,7 +13,6 @@ there. The Strouhal number of the fine grid, and the published 0.164 to 0.166, a
 """
 
 import math
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -48,5 +47,4 @@ dns.Snapshot.of(flow).plot(left)
 left.set_xlim(-1.0, 5.0)
 history.plot(right)
 right.set_ylim(-1.0, 2.5)
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/dns_cylinder.png", dpi=110)
+figure.savefig("dns_cylinder.png", dpi=110)

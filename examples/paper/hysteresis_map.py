@@ -9,7 +9,7 @@ amplitudes, because the load of a pitching frame grows as :math:`\omega^2`.
 
 *What one trace does not reach.* At 2.5 degrees (dotted) a trace from low frequencies meets the folds of the first
 tongue alone. The map shows that the tongues of higher modes reach over that amplitude: their folds belong to detached
-branches, which :doc:`paper_all_solutions` finds by a search.
+branches, which :doc:`all_solutions` finds by a search.
 
 *Unsafe to use* (shaded): the camber of the motion that is traced from low frequencies exceeds a tenth of the chord,
 where the quasi-linear membrane is no model any more. The band of the aerodynamic model, :math:`\omega` from 0.01 to
@@ -18,7 +18,7 @@ where the quasi-linear membrane is no model any more. The band of the aerodynami
 *How much depends on the harmonics.* The tongues are drawn with one harmonic; broken lines are the folds with three. All
 seven are there again, each cusp within 0.1 per cent in frequency and one per cent in amplitude; the map of the onsets
 is one of first harmonics. What three harmonics add are three shorter tongues, from 6.0, 17.7 and 29.2 on, where a
-higher mode resonates with the third harmonic of the motion. With five harmonics (:doc:`paper_figure_4_hysteresis`) the
+higher mode resonates with the third harmonic of the motion. With five harmonics (:doc:`figure_4_hysteresis`) the
 first tongue at 2.5 degrees lies between 4.577 and 44, with one between 4.533 and 48.
 
 *An isola.* The lower edge of the first tongue dips between :math:`\omega = 2.9` and 6.2 (crosses): between its extrema,
@@ -26,8 +26,6 @@ from 1.18 to 1.29 degrees, the resonant motion is a loop of its own, which no ma
 
 35 s.
 """
-
-from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -96,8 +94,7 @@ plane.axhline(2.5, color="0.5", linewidth=0.6, linestyle=":")
 plane.set(xscale="log", yscale="log", xlim=(1.0, 150.0), ylim=(0.1, 12.0))
 plane.set(xlabel=r"$\omega$", ylabel=r"$\alpha_2$ (degrees)", title="folds, and the cusps where they begin")
 plane.legend(fontsize="small", loc="lower left")
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/paper_hysteresis_map.png", dpi=110)
+figure.savefig("hysteresis_map.png", dpi=110)
 
 cusps, cusps_of_three = ([[c.cusps[0].first, c.cusps[0].second] for c in group] for group in (curves, of_three))
 nearest = [min(cusps_of_three, key=lambda other, one=one: abs(other[0] - one[0])) for one in cusps]

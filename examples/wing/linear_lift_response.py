@@ -19,8 +19,6 @@ than some 17 times as heavy as the air of its chord flutters first: its lowest m
 .. [1] B. Thwaites, Proc. R. Soc. Lond. A 261 (1961) 402-422, doi:10.1098/rspa.1961.0086.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
@@ -50,5 +48,4 @@ right.fill_between(mass_ratios, np.fmax(last["divergence"], last["flutter"]), 20
 right.text(6.0, 6.0, "stable")
 right.set(xlabel=r"mass ratio $\mu$", ylabel="$c_T$", title="stability about rest", ylim=(1.0, 20.0), xlim=(4.0, 100.0))
 right.legend(frameon=False, loc="upper left")
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/linear_lift_response.png", dpi=110)
+figure.savefig("linear_lift_response.png", dpi=110)

@@ -23,8 +23,6 @@ there. With seven harmonics they are gone, and 4.577 stays. The end of the reson
 how far the peak leans over is more than five harmonics can tell.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
@@ -62,8 +60,7 @@ near.set(xlim=(4.0, 6.0), ylim=(-20.0, 16.0))
 near.axvspan(limit, 6.0, color="0.94", zorder=0)
 near.text(limit + 0.03, 6.0, "camber > 0.1\n(resonant)", color="0.4", fontsize="small")
 near.get_legend().remove()
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/paper_figure_4_hysteresis.png", dpi=110)
+figure.savefig("figure_4_hysteresis.png", dpi=110)
 
 assert branch.end is hbnlp.End.SPAN_END
 onset = min(branch.folds, key=lambda fold: fold.value)

@@ -9,11 +9,9 @@ where that is below a tenth. Superharmonic resonances below :math:`\omega = 1` n
 
 *Right:* `hbnlp.resolve_harmonics` picks the number point by point along a branch, so that the error stays below a
 tolerance, through the folds: for the Duffing oscillator and for the membrane wing of
-:doc:`paper_figure_4_hysteresis`, traced with three harmonics up to a pitching frequency of 4, where higher modes
+:doc:`../paper/figure_4_hysteresis`, traced with three harmonics up to a pitching frequency of 4, where higher modes
 resonate with the harmonics.
 """
-
-from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -58,8 +56,7 @@ for name, problem, span, at, colour in cases:
         assert resolved.reached.all()
 right.set(xlabel=r"$\omega$", ylabel="H", title="number of harmonics picked", yticks=range(1, 22, 2))
 right.legend()
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/choose_harmonics.png", dpi=110)
+figure.savefig("choose_harmonics.png", dpi=110)
 
 assert min(r.min() for r in ratios) > 0.6
 assert max(r.max() for r in ratios) < 1.5

@@ -21,8 +21,6 @@ The parameters are those of the first example of NLvib [1]_; the folds were comp
    doi:10.1007/978-3-030-14023-6.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 import hbnlp
@@ -58,5 +56,4 @@ rising.plot("x", ax=ax, label="time integration, up", marker="^", color="tab:ora
 falling.plot("x", ax=ax, label="time integration, down", marker="v", color="tab:green", **style)
 ax.set_xlim(0.8, 1.45)
 ax.legend(loc="upper left", frameon=False)
-Path("figures").mkdir(exist_ok=True)
-ax.figure.savefig("figures/duffing_hysteresis.png", dpi=110)
+ax.figure.savefig("duffing_hysteresis.png", dpi=110)

@@ -21,8 +21,6 @@ is *born* as a single point, or *merges* with the main branch.
    doi:10.1016/j.ymssp.2015.01.035.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
@@ -57,5 +55,4 @@ curve.plot(ax=right)
 right.axhline(0.15, color="0.6", linewidth=0.8, label="force on the left", zorder=0)
 right.legend(frameon=False)
 right.set(xlabel=r"$\omega$", ylabel="$F$", title="folds in the plane of frequency and force")
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/absorber_isola.png", dpi=110)
+figure.savefig("absorber_isola.png", dpi=110)

@@ -7,7 +7,7 @@ Lift per pitching acceleration of the paper's wing with one harmonic, for pitch 
 
 Marching up, the response stays resonant and leaves the first mode's peak at a fold that rises fast with the
 amplitude: :math:`\omega = 17` at 1.5 degrees, 49 at 2.5, beyond the picture from 4 degrees on. Marching down, it
-jumps several times: each jump is the end of the quiet motion of one mode's tongue (:doc:`paper_hysteresis_map`), at
+jumps several times: each jump is the end of the quiet motion of one mode's tongue (:doc:`hysteresis_map`), at
 2.5 degrees at :math:`\omega = 35`, 16.7 and 4.5.
 
 *Right:* for small amplitudes the response tends to the linear one, and the difference falls with the square of the
@@ -16,8 +16,6 @@ amplitude, as the tension's growth does.
 Forty marches of 240 frequencies take 28 s. Above a camber of a tenth of the chord, on the resonant motion from
 :math:`\omega` about 6 on, this is mathematics only.
 """
-
-from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -29,37 +27,40 @@ wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
 problem = hbnlp.HarmonicBalance(wing, n_harmonics=1)
 omega = np.geomspace(0.01, 100.0, 240)
 
-figure, axes = plt.subplots(1, 3, figsize=(14, 4.8), width_ratios=(3, 3, 2), layout="constrained")
-jumps = {}
-for ax, values, way in ((axes[0], omega, "up"), (axes[1], omega[::-1], "down")):
-    ax.set(xscale="log", title=f"marching {way}")
+marches, jumps = {}, {}
+for way, values in (("up", omega), ("down", omega[::-1])):
     for degrees in np.arange(0.5, 10.01, 0.5):
         march = hbnlp.sweep(problem, "omega", values, at={"pitch_amplitude": np.radians(degrees)})
-        march.plot("C_L", ax=ax, per="alpha_acceleration", decibels=True, color=plt.cm.viridis(degrees / 11), marker="")
-        jumps[way, degrees] = march.jump_brackets.mean(axis=1)
+        marches[way, degrees], jumps[way, degrees] = march, march.jump_brackets.mean(axis=1)
         print(f"{way:5s} {degrees:4.1f} degrees: jumps at omega =", ", ".join(f"{w:.3f}" for w in jumps[way, degrees]))
-    ax.set_ylim(-50, 100)
-    ax.set_ylabel(r"$|C_L| \,/\, |\alpha''|$ (dB)")
-
-colours = plt.cm.ScalarMappable(plt.Normalize(0.0, 11.0), "viridis")
-figure.colorbar(colours, ax=axes[:2], label=r"$\alpha_2$ (degrees)", ticks=range(1, 11), aspect=40)
+assert len(jumps["up", 2.5]) == 1
+assert len(jumps["down", 2.5]) >= 3
+assert abs(jumps["down", 2.5][-1] - 4.53) < 0.2
 
 # %%
 # Towards the linear response.
 frequencies, small = (0.1, 1.0, 2.0, 6.0), np.array([0.01, 0.02, 0.04, 0.08, 0.16])
 linear = hbnlp.lift_response(wing, frequencies, tensions=[1.0]).membrane[0]
+differences = []
 for frequency, limit in zip(frequencies, linear, strict=True):
     solutions = [hbnlp.solve(problem, at={"omega": frequency, "pitch_amplitude": np.radians(d)}) for d in small]
     gains = np.array([s.harmonics("C_L")[1] / s.harmonics("alpha_acceleration")[1] for s in solutions])
-    difference = abs(gains / limit - 1.0)
-    rate = np.polyfit(np.log(small[:3]), np.log(difference[:3]), 1)[0]
+    differences.append(abs(gains / limit - 1.0))
+    rate = np.polyfit(np.log(small[:3]), np.log(differences[-1][:3]), 1)[0]
     print(f"omega = {frequency:g}: the difference from the linear response falls with alpha_2 to the power {rate:.3f}")
-    axes[2].loglog(small, difference, "o-", label=rf"$\omega = {frequency:g}$")
     assert abs(rate - 2.0) < 0.05
+
+figure, axes = plt.subplots(1, 3, figsize=(14, 4.8), width_ratios=(3, 3, 2), layout="constrained")
+drawn = {"per": "alpha_acceleration", "decibels": True, "marker": ""}
+for ax, way in zip(axes[:2], ("up", "down"), strict=True):
+    ax.set(xscale="log", title=f"marching {way}")
+    for degrees in np.arange(0.5, 10.01, 0.5):
+        marches[way, degrees].plot("C_L", ax=ax, color=plt.cm.viridis(degrees / 11), **drawn)
+    ax.set(ylim=(-50, 100), ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)")
+colours = plt.cm.ScalarMappable(plt.Normalize(0.0, 11.0), "viridis")
+figure.colorbar(colours, ax=axes[:2], label=r"$\alpha_2$ (degrees)", ticks=range(1, 11), aspect=40)
+for frequency, difference in zip(frequencies, differences, strict=True):
+    axes[2].loglog(small, difference, "o-", label=rf"$\omega = {frequency:g}$")
 axes[2].set(xlabel=r"$\alpha_2$ (degrees)", title="difference from linear (relative)")
 axes[2].legend(frameon=False)
-assert len(jumps["up", 2.5]) == 1
-assert len(jumps["down", 2.5]) >= 3
-assert abs(jumps["down", 2.5][-1] - 4.53) < 0.2
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/paper_figure_3_quasi_linear.png", dpi=110)
+figure.savefig("figure_3_quasi_linear.png", dpi=110)

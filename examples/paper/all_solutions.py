@@ -2,7 +2,7 @@ r"""
 All solutions at a frequency, and the detached branches among them
 ==================================================================
 
-Does the trace of :doc:`paper_figure_4_hysteresis` show everything? First, at each of its branch points the other branch
+Does the trace of :doc:`figure_4_hysteresis` show everything? First, at each of its branch points the other branch
 is traced as well. Then, at some frequencies, all solutions are searched for: from those on the branches traced so far
 and from random starts, by Newton's method deflated by what is known, and by continuation in the load
 (`hbnlp.find_all`, its default forty starts, seed 1). A solution with a deflection below half a chord that lies on none
@@ -10,7 +10,7 @@ of the branches is listed and becomes the start of another, which is traced both
 
 The pitch amplitude is 2.5 degrees. *Left:* with one harmonic, the trace from low frequencies holds three solutions
 inside its hysteresis interval, and the search finds more: resonances of higher modes, each a detached branch that
-begins at a fold of its own (where, the hysteresis map tells: :doc:`paper_hysteresis_map`) and ends at another one far
+begins at a fold of its own (where, the hysteresis map tells: :doc:`hysteresis_map`) and ends at another one far
 above (stability is that of the one-harmonic motions). No march in frequency finds them.
 
 *Right:* with five harmonics (stability left out) there are asymmetric motions as well, two mirror images each, on
@@ -24,7 +24,6 @@ twenty traces of the whole branch without stability, which passes the unstable m
 """
 
 import time
-from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -69,20 +68,10 @@ def explore(problem, span, frequencies, **options):
     return found, counts
 
 
-figure, axes = plt.subplots(1, 2, figsize=(13, 5), layout="constrained", sharey=True)
 problem = hbnlp.HarmonicBalance(wing, n_harmonics=1)
 branches, counts = explore(problem, (0.5, 150.0), (3.0, 6.0, 10.0, 20.0, 30.0, 40.0))
 five = hbnlp.HarmonicBalance(wing, n_harmonics=5)
 more, counts_of_five = explore(five, (0.5, 60.0), (3.0, 5.0, 8.0, 20.0), stability=None)
-for ax, found, title in ((axes[0], branches, "one harmonic"), (axes[1], more, "five harmonics")):
-    ax.set(xscale="log", title=f"2.5 degrees, {title}: one trace, and what else there is")
-    for number, (how, group) in enumerate(found.items()):
-        for branch in group:
-            style = {"color": f"C{number}", "special": number == 0, "label": how if branch is group[0] else None}
-            branch.plot("C_L", ax=ax, per="alpha_acceleration", decibels=True, **style)
-    ax.set_ylabel(r"$|C_L| \,/\, |\alpha''|$ (dB)")
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/paper_all_solutions.png", dpi=110)
 
 # %%
 # The recipe of the paper: a rootfinder from random guesses, at one frequency.
@@ -105,3 +94,13 @@ assert len(branches["by the search"]) > 1
 assert sum(branch.closed for branch in more["from its branch points"]) == 2
 assert hits["unstable"] < 10 < hits["resonant"]
 assert hits["quiet"] > 10
+
+figure, axes = plt.subplots(1, 2, figsize=(13, 5), layout="constrained", sharey=True)
+for ax, found, title in ((axes[0], branches, "one harmonic"), (axes[1], more, "five harmonics")):
+    ax.set(xscale="log", title=f"2.5 degrees, {title}: one trace, and what else there is")
+    for number, (how, group) in enumerate(found.items()):
+        for branch in group:
+            style = {"color": f"C{number}", "special": number == 0, "label": how if branch is group[0] else None}
+            branch.plot("C_L", ax=ax, per="alpha_acceleration", decibels=True, **style)
+    ax.set_ylabel(r"$|C_L| \,/\, |\alpha''|$ (dB)")
+figure.savefig("all_solutions.png", dpi=110)

@@ -21,8 +21,6 @@ With the responses eliminated, :math:`J = \partial a / \partial (Eh, \delta_0)`,
 .. [1] Y. Bard, *Nonlinear Parameter Estimation*, Academic Press (1974), section 7-5.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
@@ -87,5 +85,4 @@ for radius, style in ((1.0, "-"), (2.0, "--")):
 right.plot(250.0, 0.008, "k+", markersize=12, label="truth")
 right.set(xlabel="$Eh$", ylabel=r"$\delta_0$", title="uncertainty")
 right.legend(frameon=False)
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/identify_membrane.png", dpi=110)
+figure.savefig("identify_membrane.png", dpi=110)

@@ -29,8 +29,6 @@ come from higher modes that meet harmonics of the pitch. They move with the numb
 the fold of the quiet motion moves by 0.1 per cent.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
@@ -72,5 +70,4 @@ for ax, degrees, excess in zip(axes, (2.5, 10.0), (2.61, 2.10), strict=True):
     ax.set_ylabel(r"$|C_L| \,/\, |\alpha''|$ (dB)")
 
 axes[0].set_ylim(-50, 65)
-Path("figures").mkdir(exist_ok=True)
-figure.savefig("figures/membrane_wing_inviscid.png", dpi=110)
+figure.savefig("membrane_wing_inviscid.png", dpi=110)
