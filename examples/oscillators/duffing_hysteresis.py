@@ -15,7 +15,8 @@ middle one is unstable. Here the curve is traced through its folds with seven ha
 multipliers. Then the equation is integrated in time, the frequency going slowly up and down again, as an experiment
 would: the response follows the stable parts, jumps at the folds, and never sees the unstable part.
 
-The parameters are those of the first example of NLvib [1]_; the folds were computed independently.
+The parameters are those of the first example of NLvib [1]_; the folds are those of an
+independent code, ``tests/numpy_balance.py``.
 
 .. [1] M. Krack, J. Gross, *Harmonic Balance for Nonlinear Vibration Problems*, Springer (2019),
    doi:10.1007/978-3-030-14023-6.

@@ -17,7 +17,7 @@ small motions (:math:`\gamma = F = 0`) this happens within
 :math:`\omega/2`. It leaves the first doubling stably, bends over as a hardening resonance does, and comes back,
 unstable, to the second.
 
-.. [1] A. H. Nayfeh, D. T. Mook, *Nonlinear Oscillations*, Wiley (1979), doi:10.1002/9783527617586, section 5.3.
+.. [1] A. H. Nayfeh, D. T. Mook, *Nonlinear Oscillations*, Wiley (1979), doi:10.1002/9783527617586, chapter 5.
 """
 
 import casadi as ca

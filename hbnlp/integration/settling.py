@@ -17,7 +17,7 @@ from hbnlp.fourier import to_complex
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
 from hbnlp.integration.response import TimeResponse, project, respond
 from hbnlp.integration.runge_kutta import RungeKutta4
-from hbnlp.systems.excitation import OF_MOTION
+from hbnlp.systems.excitation import MOTION_SAMPLES
 from hbnlp.systems.lags import periodic_lag_states
 from hbnlp.systems.system import System
 
@@ -52,9 +52,9 @@ def state_of(system: System, coefficients: ArrayLike, values: ArrayLike, periods
     q_h = to_complex(a)
     s = 1j * omega / periods * np.arange(q_h.shape[1])
     lags = periodic_lag_states(system, s, (system.lag_input @ (s**2 * q_h)).T)
-    tau = 2.0 * np.pi * np.arange(OF_MOTION) / OF_MOTION
+    tau = 2.0 * np.pi * np.arange(MOTION_SAMPLES) / MOTION_SAMPLES
     drive = system.excitation(tau[None, :], point)[1].full().T
-    drive_h = project(drive, OF_MOTION // 2 - 1)
+    drive_h = project(drive, MOTION_SAMPLES // 2 - 1)
     lags += periodic_lag_states(system, 1j * omega * np.arange(drive_h.shape[1]), drive_h.T)
     return np.concatenate([q_h.real.sum(axis=1), (s * q_h).real.sum(axis=1), lags])
 
