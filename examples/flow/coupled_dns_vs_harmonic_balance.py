@@ -15,8 +15,8 @@ Where it settles, lift on the finer grid agrees within three per cent on both br
 motion is up to 8 per cent off beside its fold. How much of that is the grid and how much nonlinearity of the flow is in
 the tables of :doc:`/dns`.
 
-The runs take minutes (``python benchmarks/validation/flow_solver/run_cases.py march_up_50 march_down_50``) and are read from files; the
-branches take seconds.
+The runs take minutes (``python benchmarks/validation/flow_solver/run_cases.py march_up_50 march_down_50``) and are read
+from files; the branches take seconds.
 """
 
 import json
