@@ -7,9 +7,9 @@ from scipy.optimize import brentq
 from scipy.special import jv
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.balance.sampling import polynomial_degree, sufficient_samples
+from hbnlp.balance.sampling import ALIASING_TOL, polynomial_degree, sufficient_samples
 from hbnlp.branches.tracing import trace
-from hbnlp.solutions.solving import ALIASING_TOL, solve
+from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch
