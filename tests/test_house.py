@@ -99,7 +99,7 @@ def texts():
 
 
 def test_no_source_is_a_document_that_the_repository_does_not_hold():
-    """A document is named in capitals with a section, or as a file of text (in quotation marks it is one that is made)."""
+    """A document is named in capitals with a section, or as a file of text (one in quotation marks is made)."""
     at_hand = {path.name for path in texts()}
     missing = []
     for path in texts():
