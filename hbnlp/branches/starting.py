@@ -16,6 +16,7 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.cold_start import linear_guess
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
+from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.solutions.solving import solve
 from hbnlp.stability.result import Floquet
@@ -132,6 +133,9 @@ def _smallest_solution(problem: HarmonicBalance, values: Array, name: str, span:
     middle = values.copy()
     middle[problem.system.parameters.index(name)] = np.mean(span)
     size = max(float(np.linalg.norm(first)), float(np.linalg.norm(linear_guess(problem, middle))))
+    if size > 0.0 and not np.any(problem.assembly.load_derivative(middle)):
+        # without excitation rest is a solution, and branches pass through it: not by ever smaller steps
+        return 1e-2 * max(size, size_of_nonlinearity(problem, np.zeros(problem.size), first, middle))
     return max(1e-6 * size, TINY) if size > 0.0 else 1.0
 
 

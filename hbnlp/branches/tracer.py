@@ -87,6 +87,7 @@ class Tracer:
             self.options,
             limits=(low, high),
             renew=lambda curve, point: curve.resampled(point.y),
+            inspect=self._detector.shorter_step,
             origin=begin.origin,
             n_points=len(resume) if resume is not None else 1,
         )

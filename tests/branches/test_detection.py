@@ -347,7 +347,8 @@ STEPS = {
 
 @pytest.mark.parametrize(("before", "after", "kinds"), STEPS.values(), ids=STEPS)
 def test_multipliers_of_neighbours_imply_what_lies_between(before, after, kinds):
-    a, b = (SimpleNamespace(converged=True, multipliers=np.array(m, dtype=complex)) for m in (before, after))
+    shared = {"converged": True, "options": Floquet()}
+    a, b = (SimpleNamespace(multipliers=np.array(m, dtype=complex), **shared) for m in (before, after))
     assert crossings(a, b) == kinds
 
 
