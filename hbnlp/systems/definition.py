@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import lzma
 import pickle
-import zlib
 from dataclasses import dataclass
 
 import casadi as ca
@@ -47,12 +47,12 @@ class Definition:
     outputs: ca.Function
 
     def packed(self) -> bytes:
-        """Return it as bytes; the same definition gives the same ones."""
-        # CasADi writes two letters a byte: compressed, they are a tenth
-        return zlib.compress(pickle.dumps(self, protocol=5))
+        """Return it as bytes, some tens of kilobytes for a wing."""
+        # CasADi writes two letters a byte and eight bytes an index: compressed, a twelfth is left
+        return lzma.compress(pickle.dumps(self, protocol=5), preset=0)
 
     @classmethod
     def unpacked(cls, content: bytes) -> Definition:
         """Return what `packed` made bytes of."""
-        definition: Definition = pickle.loads(zlib.decompress(content))  # noqa: S301 (part of a pickle already)
+        definition: Definition = pickle.loads(lzma.decompress(content))  # noqa: S301 (part of a pickle already)
         return definition

@@ -257,14 +257,19 @@ class System:
 
     def __reduce__(self) -> tuple[Callable[[bytes], System], tuple[bytes]]:
         """Send the definition; a process that gets the same one again returns the system that it has built from it."""
-        return _received, (self._definition.packed(),)
+        return _received, (self._content,)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> System:
         """Return another system of the same equations, which shares nothing with this one."""
-        return System._of(Definition.unpacked(self._definition.packed()))
+        return System._of(Definition.unpacked(self._content))
 
     def __copy__(self) -> System:
         return System._of(self._definition)
+
+    @built_once
+    def _content(self) -> bytes:
+        """The definition as bytes: made once, and passed on as they came, so that the same system is known by them."""
+        return self._definition.packed()
 
     @classmethod
     def _of(cls, definition: Definition) -> System:
@@ -288,7 +293,13 @@ _RECEIVED: Kept[System] = Kept(8)
 
 def _received(content: bytes) -> System:
     """Return the system of a definition that came from elsewhere, built once."""
-    return _RECEIVED.get(hashlib.sha256(content).digest(), lambda: System._of(Definition.unpacked(content)))
+
+    def build() -> System:
+        system = System._of(Definition.unpacked(content))
+        system.__dict__["_content"] = content
+        return system
+
+    return _RECEIVED.get(hashlib.sha256(content).digest(), build)
 
 
 def _check_signals(
