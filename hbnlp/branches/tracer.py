@@ -19,6 +19,7 @@ from hbnlp.continuation.walk import Walk
 from hbnlp.core.checks import instance_of
 from hbnlp.core.interrupts import guarded
 from hbnlp.core.kinds import End, Kind
+from hbnlp.core.sending import StaysHere
 from hbnlp.solutions.solution import Solution
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
@@ -34,7 +35,7 @@ _ENDS = {
 }
 
 
-class Tracer:
+class Tracer(StaysHere):
     """A trace that the user drives: iterate for its points, stop at will, take `branch()` at any time.
 
     The parameters are those of `hbnlp.trace`.
@@ -45,6 +46,8 @@ class Tracer:
     span : (float, float)
     options : PseudoArclength
     """
+
+    _instead = "it is a walk under way; send its branch(), and resume that with hbnlp.trace(..., resume=branch)"
 
     def __init__(
         self,

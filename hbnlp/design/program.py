@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import unknown_name
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.responses import Response
 from hbnlp.design.variables import Variables
@@ -46,7 +47,7 @@ class Optimum:
 
 
 @final
-class Program:
+class Program(StaysHere):
     """A nonlinear program over responses, compiled once.
 
     Parameters
@@ -65,6 +66,8 @@ class Program:
         Whether the program is written out in scalar operations: each iteration is then some twenty times faster, while
         building it takes seconds for ten responses of a hundred unknowns, and memory.
     """
+
+    _instead = "its symbols are those of its variables and responses; send problems and solutions, and make it there"
 
     def __init__(
         self,

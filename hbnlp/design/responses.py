@@ -17,6 +17,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.kinds import Kind
+from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.variables import Variables
 from hbnlp.solutions.solution import Solution
@@ -24,12 +25,14 @@ from hbnlp.solutions.solution import Solution
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Response:
+class Response(StaysHere):
     """A periodic solution or a fold as part of a program, made by `response_at` or `fold_at`.
 
     Call it with an expression of ``problem.x`` and ``problem.p`` for that expression here, such as
     ``cruise(problem.amplitude_squared("C_L"))``.
     """
+
+    _instead = "its symbols are those of its variables; send the problem and the solution or fold, and make it there"
 
     problem: HarmonicBalance
     x: ca.MX
