@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from hbnlp.core.kept import built_once
+from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
 from hbnlp.systems.parameters import ParameterSet
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Definition:
+class Definition(FieldsAlone):
     """All that a `System` is built from, without symbols and without anything of the user's that is Python.
 
     It is what goes to another process. A system takes its expressions from here also where it was made from a user's
@@ -46,13 +48,15 @@ class Definition:
     signals: ca.Function
     outputs: ca.Function
 
-    def packed(self) -> bytes:
-        """Return it as bytes, some tens of kilobytes for a wing."""
+    @built_once
+    def content(self) -> bytes:
+        """The definition as bytes, some tens of kilobytes for a wing."""
         # CasADi writes two letters a byte and eight bytes an index: compressed, a twelfth is left
         return lzma.compress(pickle.dumps(self, protocol=5), preset=0)
 
     @classmethod
-    def unpacked(cls, content: bytes) -> Definition:
-        """Return what `packed` made bytes of."""
+    def of(cls, content: bytes) -> Definition:
+        """Return the definition that has this content, and passes it on as it came: it is known by it."""
         definition: Definition = pickle.loads(lzma.decompress(content))  # noqa: S301 (part of a pickle already)
+        vars(definition)["content"] = content
         return definition

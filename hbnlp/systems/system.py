@@ -71,6 +71,17 @@ class System:
     ValueError
         For a matrix or force of the wrong shape, a value that is not finite, or a name that is not known.
 
+    Attributes
+    ----------
+    outputs : casadi.Function
+        (q, q', q'', x, tau, p) -> all outputs in the order of ``output_names``.
+
+    Notes
+    -----
+    Many methods: what all analyses ask of the equations is compiled here, once.
+
+    A system is picklable: what is sent are small CasADi functions, whatever the user's functions were.
+
     Examples
     --------
     >>> System(
@@ -150,6 +161,7 @@ class System:
         self.name, self.parameters, self.output_names = definition.name, definition.parameters, definition.output_names
         self.lag_state, self.lag_input = definition.lag_state, definition.lag_input
         self.lag_motion = definition.lag_motion
+        self.outputs = definition.outputs
         self.p, self.tau = ca.SX.sym("p", len(self.parameters.names)), ca.SX.sym("tau")
         matrices = definition.matrices.call([self.p])
         self.mass, self.damping, self.stiffness, self.lag_output = matrices[:4]
@@ -216,11 +228,6 @@ class System:
             "excitation", [self.tau, self.p], [ca.densify(load), ca.densify(ca.DM(self.lag_motion) @ ddu)]
         )
 
-    @property
-    def outputs(self) -> ca.Function:
-        """CasADi function (q, q', q'', x, tau, p) -> all outputs in the order of `output_names`."""
-        return self._definition.outputs
-
     def output_index(self, name: str) -> int:
         """Return the position of output ``name``, or raise a KeyError with the nearest known name."""
         if name not in self.output_names:
@@ -257,25 +264,15 @@ class System:
 
     def __reduce__(self) -> tuple[Callable[[bytes], System], tuple[bytes]]:
         """Send the definition; a process that gets the same one again returns the system that it has built from it."""
-        return _received, (self._content,)
+        return _received, (self._definition.content,)
+
+    def __copy__(self) -> System:
+        """Return another system of the same equations, with symbols of its own."""
+        return _of(self._definition)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> System:
         """Return another system of the same equations, which shares nothing with this one."""
-        return System._of(Definition.unpacked(self._content))
-
-    def __copy__(self) -> System:
-        return System._of(self._definition)
-
-    @built_once
-    def _content(self) -> bytes:
-        """The definition as bytes: made once, and passed on as they came, so that the same system is known by them."""
-        return self._definition.packed()
-
-    @classmethod
-    def _of(cls, definition: Definition) -> System:
-        system = object.__new__(cls)
-        system._set_up(definition)
-        return system
+        return _of(Definition.of(self._definition.content))
 
     def __repr__(self) -> str:
         values = self.parameters.defaults.items()
@@ -293,13 +290,13 @@ _RECEIVED: Kept[System] = Kept(8)
 
 def _received(content: bytes) -> System:
     """Return the system of a definition that came from elsewhere, built once."""
+    return _RECEIVED.get(hashlib.sha256(content).digest(), lambda: _of(Definition.of(content)))
 
-    def build() -> System:
-        system = System._of(Definition.unpacked(content))
-        system.__dict__["_content"] = content
-        return system
 
-    return _RECEIVED.get(hashlib.sha256(content).digest(), build)
+def _of(definition: Definition) -> System:
+    system = object.__new__(System)
+    system._set_up(definition)
+    return system
 
 
 def _check_signals(
