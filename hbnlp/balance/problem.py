@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from hbnlp.balance.assembly import Assembly
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
-from hbnlp.core.kept import Kept, built_once
+from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import n_coefficients, resize, to_complex
 from hbnlp.systems.system import System
@@ -241,7 +241,7 @@ class HarmonicBalance:
         count, n_out = points.shape[0], len(self.system.output_names)
         if n_out == 0:
             return np.zeros((count, 0, self.n_harmonics + 1), dtype=complex)
-        columns = self.output_function.map(count)(points.T, parameters.T).full()
+        columns = by_one_thread(self.output_function.map)(count)(points.T, parameters.T).full()
         return to_complex(columns.reshape(n_out, count, self.shape[1]).transpose(1, 0, 2))
 
     def __repr__(self) -> str:

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
-import os
-import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from functools import cached_property
-from typing import Any, Generic, Self, TypeVar, overload
+from functools import cached_property, wraps
+from typing import Any, Generic, ParamSpec, Self, TypeVar, overload
+
+from hbnlp.core.locks import lasting_lock
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 # One lock for all that is built: what is built asks for more of it, and of several locks two threads could each hold
 # the one that the other needs. The second lock is held for a look-up only, so that no thread waits for what another
 # one builds unless it wants the same.
-_BUILDING, _LOOKING = threading.RLock(), threading.RLock()
+# The order matters: before a fork the last one is taken first, as in `Kept.get`.
+_LOOKING, _BUILDING = lasting_lock(), lasting_lock()
 
-if hasattr(os, "register_at_fork"):
-    # a child that was forked while another thread held a lock would wait for ever
-    for _lock in (_BUILDING, _LOOKING):
-        os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
+
+def by_one_thread(build: Callable[P, T]) -> Callable[P, T]:
+    """Return a function that one thread at a time is in, together with all else that is built.
+
+    CasADi's functions may be evaluated by many threads; where two make some at once, the process may end.
+    """
+
+    @wraps(build)
+    def alone(*arguments: P.args, **options: P.kwargs) -> T:
+        with _BUILDING:
+            return build(*arguments, **options)
+
+    return alone
 
 
 class Kept(Generic[T]):

@@ -16,6 +16,7 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Kind
 from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
@@ -41,6 +42,7 @@ class Response(StaysHere):
     equations: ca.MX = field(repr=False)
     start: Array = field(repr=False)
 
+    @by_one_thread
     def __call__(self, expression: ca.MX) -> ca.MX:
         """Return an expression of the problem's symbols at this response."""
         return ca.Function("here", [self.problem.x, self.problem.p], [expression])(self.x, self.p)
@@ -50,6 +52,7 @@ class Response(StaysHere):
         return self.p[self.problem.system.parameters.index(name)]
 
 
+@by_one_thread
 def response_at(
     problem: HarmonicBalance, variables: Variables, start: Solution, *, at: Mapping[str, float] | None = None
 ) -> Response:
@@ -81,6 +84,7 @@ def response_at(
     return Response(problem=problem, x=x, p=p, unknowns=xi, equations=problem.residual(x, p) / terms, start=x0 / size)
 
 
+@by_one_thread
 def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, name: str) -> Response:
     """Return a fold in the parameter ``name``, which is free; it begins at ``fold``, one of ``branch.folds``.
 

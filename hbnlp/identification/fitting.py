@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.program import Optimum, Program
@@ -77,6 +78,7 @@ class Identification(StaysHere):
 
     _instead = "its symbols are those of its program; send problem, points and what fit returned, and make it there"
 
+    @by_one_thread
     def __init__(
         self,
         variables: Variables,

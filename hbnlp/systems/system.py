@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import unknown_name
 from hbnlp.core.errors import NonFiniteError
-from hbnlp.core.kept import Kept, built_once
+from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.types import Array
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.definition import Definition
@@ -97,6 +97,7 @@ class System:
       outputs: x
     """
 
+    @by_one_thread
     def __init__(
         self,
         mass: Matrix,
