@@ -10,6 +10,7 @@ import numpy as np
 
 from hbnlp.balance.pattern import Pattern
 from hbnlp.balance.sampling import Sampling
+from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array
 from hbnlp.systems.lags import Lags
 from hbnlp.systems.system import System
@@ -57,12 +58,12 @@ class CompiledLaws:
         matrices = [e.full() for e in matrix_slopes(values, unit)]
         return Laws._make([*matrices, self._coefficients(forcing), self._coefficients(motion)])
 
-    @cached_property
+    @built_once
     def _signal_function(self) -> ca.Function:
         signals = ca.Function("signals", [self._system.tau, self._system.p], [ca.densify(e) for e in self._signals])
         return signals.map(self._basis.n_samples)
 
-    @cached_property
+    @built_once
     def _slope_functions(self) -> tuple[ca.Function, ca.Function]:
         p, direction = self._system.p, ca.SX.sym("direction", self._system.p.numel())
 

@@ -14,6 +14,7 @@ from math import ceil
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.sending import FieldsAlone
 from hbnlp.fourier import FourierBasis
 from hbnlp.systems.excitation_samples import excitation_samples
 from hbnlp.systems.system import System
@@ -25,7 +26,7 @@ ALIASING_TOL = 1e-9
 
 
 @dataclass(frozen=True)
-class Sampling:
+class Sampling(FieldsAlone):
     """At how many phases of a solution's period the force, the excitation and the outputs are sampled.
 
     Attributes

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import casadi as ca
 import numpy as np
 
 from hbnlp.balance.sampling import Sampling
+from hbnlp.core.kept import built_once
 from hbnlp.fourier import FourierBasis, differentiation, n_coefficients
 from hbnlp.systems.lags import Lags
 from hbnlp.systems.system import System
@@ -40,7 +39,7 @@ class Symbols:
         """Return the symbol of a parameter."""
         return self.p[self._system.parameters.index(name)]
 
-    @cached_property
+    @built_once
     def residual(self) -> ca.MX:
         """The residual, of the size and order of x."""
         system, basis = self._system, self._sampling.force
@@ -51,7 +50,7 @@ class Symbols:
         samples = force(q, v, *self._phases_and_parameters(basis))
         return ca.vec(self._linear_terms + ca.DM(basis.projection) @ samples.T)
 
-    @cached_property
+    @built_once
     def outputs(self) -> ca.MX:
         """Coefficients (n_outputs, 2H+1) of all outputs, projected from samples of the signals."""
         system, basis = self._system, self._sampling.outputs
@@ -60,7 +59,7 @@ class Symbols:
         samples = system.outputs.map(basis.n_samples)(*signals, *self._phases_and_parameters(basis))
         return samples @ ca.DM(basis.projection.T)
 
-    @cached_property
+    @built_once
     def _motion(self) -> tuple[ca.MX, ca.MX, ca.MX]:
         """Coefficients (2H+1, n) of displacements, velocities and accelerations."""
         by_phase = ca.sparsify(ca.DM(differentiation(self._sampling.n_harmonics)))
@@ -77,7 +76,7 @@ class Symbols:
     def _phases_and_parameters(self, basis: FourierBasis) -> tuple[ca.DM, ca.MX]:
         return ca.DM(self._sampling.periods * basis.theta[None, :]), ca.repmat(self.p, 1, basis.n_samples)
 
-    @cached_property
+    @built_once
     def _linear_terms(self) -> ca.MX:
         """Coefficients (2H+1, n) of M q'' + D q' + K q - L_x x - excitation."""
         mass, damping, stiffness, lag_output = self._system.matrices(self.p)[:4]
@@ -87,7 +86,7 @@ class Symbols:
             balance -= self._lag_states @ lag_output.T
         return balance - self._excitation[0]
 
-    @cached_property
+    @built_once
     def _excitation(self) -> tuple[ca.MX, ca.MX]:
         """Coefficients (2H+1, n) of the load and (2H+1, m) of B_u u''."""
         basis = self._sampling.excitation
@@ -95,7 +94,7 @@ class Symbols:
         load, lag_motion = (ca.DM(basis.projection) @ each.T for each in samples)
         return load, lag_motion
 
-    @cached_property
+    @built_once
     def _lag_states(self) -> ca.MX:
         """Coefficients (2H+1, m) of x, from (s - A) x = B q'' + B_u u'' in A's eigenvectors."""
         system, rate = self._system, self._rate

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.fold_curves import FIRST_SPAN, SECOND_SPAN, FoldBranch, FoldCurvePoint
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.arclength import PseudoArclength, Stop
@@ -19,6 +20,7 @@ from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
@@ -214,10 +216,7 @@ def _is_centre(curve: Equations, y: Array) -> bool:
     along_first.jacobian(point, full)
     left, _, right = np.linalg.svd(full)
     w, plane = left[:, -1], right[-2:]
-    along, weight, substituted = ca.MX.sym("along", n + 1), ca.MX.sym("w", n), FreeParameters(problem, [name])
-    form, unknowns = ca.dot(weight, substituted(problem.g)), substituted.unknowns
-    second = ca.jtimes(ca.jtimes(form, unknowns, along), unknowns, along)
-    function = ca.Function("second", [unknowns, problem.p, weight, along], [second])
+    function = _second_derivative(problem, name)
 
     def quadratic(direction: Array) -> float:
         return float(function(point, values, w, direction))
@@ -225,3 +224,13 @@ def _is_centre(curve: Equations, y: Array) -> bool:
     a, c = quadratic(plane[0]), quadratic(plane[1])
     b = 0.25 * (quadratic(plane[0] + plane[1]) - quadratic(plane[0] - plane[1]))
     return a * c - b * b > 0.0
+
+
+@by_one_thread
+def _second_derivative(problem: HarmonicBalance, name: str) -> ca.Function:
+    """Return the function (unknowns and a free parameter, p, weight, direction) -> d^2 (weight . R), twice along it."""
+    n = problem.size
+    along, weight, substituted = ca.MX.sym("along", n + 1), ca.MX.sym("w", n), FreeParameters(problem, [name])
+    form, unknowns = ca.dot(weight, substituted(problem.g)), substituted.unknowns
+    second = ca.jtimes(ca.jtimes(form, unknowns, along), unknowns, along)
+    return ca.Function("second", [unknowns, problem.p, weight, along], [second])

@@ -20,6 +20,7 @@ from hbnlp.core.checks import instance_of
 from hbnlp.core.interrupts import guarded
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
+from hbnlp.core.sending import StaysHere
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
@@ -36,7 +37,7 @@ _ENDS = {
 }
 
 
-class Tracer:
+class Tracer(StaysHere):
     """A trace that the user drives: iterate for its points, stop at will, take `branch()` at any time.
 
     The parameters are those of `hbnlp.trace`.
@@ -47,6 +48,8 @@ class Tracer:
     span : (float, float)
     options : PseudoArclength
     """
+
+    _instead = "it is a walk under way; send its branch(), and resume that with hbnlp.trace(..., resume=branch)"
 
     @renamed_arguments(problem="subject", away_from=AWAY_FROM)
     def __init__(

@@ -77,6 +77,9 @@ class StopContinuation(Exception):
         super().__init__(reason.value)
         self.reason = reason
 
+    def __reduce__(self) -> tuple[type[StopContinuation], tuple[Stop]]:
+        return type(self), (self.reason,)
+
 
 C = TypeVar("C", bound=Curve)
 

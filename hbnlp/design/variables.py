@@ -9,11 +9,14 @@ import casadi as ca
 import numpy as np
 
 from hbnlp.core.checks import position
+from hbnlp.core.sending import StaysHere
 
 
 @final
-class Variables:
+class Variables(StaysHere):
     """Parameters that a program may change, each within finite bounds (lower, upper); all its responses share them."""
+
+    _instead = "responses and programs share its symbols; send the bounds, and make it there, once for all of them"
 
     def __init__(self, bounds: Mapping[str, tuple[float, float]]) -> None:
         for name, (low, high) in bounds.items():

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import position
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
@@ -99,7 +100,7 @@ class Solution:
             If the solution came from a file, without its problem.
         """
         problem = attached(self)
-        function = ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
+        function = _function(problem, expression)
         return np.asarray(function(self.coefficients.ravel(), problem.values(self.parameters)).full().squeeze())
 
     def _at(self, t: ArrayLike) -> Array:
@@ -119,6 +120,11 @@ class Solution:
             f"{f' / {self.periods}' if self.periods > 1 else ''}\n  at {values}\n  first harmonics: {first}\n  "
             f"{statistics}"
         )
+
+
+@by_one_thread
+def _function(problem: HarmonicBalance, expression: ca.MX) -> ca.Function:
+    return ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
 
 
 class Attachable(Protocol):

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.types import ComplexArray
 from hbnlp.fourier import FourierBasis, to_complex
 from hbnlp.systems.excitation_samples import FIRST_HARMONIC_SAMPLES
@@ -82,6 +83,7 @@ def _first(basis: FourierBasis, samples: ca.DM) -> ComplexArray:
     return to_complex(samples.full() @ basis.projection.T)[:, 1]
 
 
+@by_one_thread
 def _output_slopes(system: System, index: int) -> ca.Function:
     """Return the function p -> derivatives (1, 3 n + m) of an output by q, q', q'' and x, at rest and tau = 0."""
     n, m = system.n_dof, system.n_lags
