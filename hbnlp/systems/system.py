@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 import casadi as ca
@@ -13,6 +13,7 @@ from hbnlp.core.checks import unknown_name
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.types import Array
 from hbnlp.systems.compiled_force import CompiledForce
+from hbnlp.systems.equivariance import Equivariance
 from hbnlp.systems.expressions import (
     Force,
     Matrix,
@@ -27,6 +28,7 @@ from hbnlp.systems.expressions import (
 )
 from hbnlp.systems.parameters import Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
+from hbnlp.systems.symmetry import Symmetry, angle_positions, group, list_of_symmetries
 
 
 class System:
@@ -58,13 +60,23 @@ class System:
         K_u, D_u, M_u.
     lag_motion : array (m, n_u), optional
         B_u.
+    symmetries : sequence of Symmetry, optional
+        What the equations are invariant under: permutations of equal parts, reflections, with shifts of the phase. They
+        are checked, at the default parameters (at 1 where there is none), and used wherever they hold. The change of
+        sign, half a forcing period and both together are found without being named.
+    angles : sequence of str or int, optional
+        Displacements that count modulo 2 pi, by name or number from 0. Where angles only turn together, as those of
+        pendulums on a common spring, take their differences as coordinates.
     name : str
         Used in the repr, in plots and in saved files.
 
     Raises
     ------
     ValueError
-        For a matrix or force of the wrong shape, a value that is not finite, or a name that is not known.
+        For a matrix or force of the wrong shape, a value that is not finite, or a symmetry or angle that the equations
+        do not have: the message says in which term, and by how much.
+    KeyError
+        For an angle that is no displacement.
 
     Examples
     --------
@@ -99,6 +111,8 @@ class System:
         input_damping: Matrix | None = None,
         input_mass: Matrix | None = None,
         lag_motion: ArrayLike | None = None,
+        symmetries: Sequence[Symmetry] = (),
+        angles: Sequence[str | int] = (),
         name: str = "system",
     ) -> None:
         self.name = name
@@ -136,6 +150,9 @@ class System:
         self._outputs = dict(outputs) if outputs is not None else displacements(n)
         self.output_names: tuple[str, ...] = tuple(self._outputs)
         _ = self.outputs  # what is wrong with them is said here
+        self.symmetries = list_of_symmetries(symmetries, n)
+        self.angles = angle_positions(angles, self._names_of_displacements() if angles else {}, n)
+        self._check_symmetries()
 
     # -- sizes ------------------------------------------------------------------------------------------------------
 
@@ -242,6 +259,76 @@ class System:
         if not np.all(np.isfinite(force_q)) or not np.all(np.isfinite(force_v)):
             raise NonFiniteError("the derivative of nonlinear_force is not finite at rest; smooth it there")
         return plant.state_matrix(force_q, force_v)
+
+    # -- symmetries -------------------------------------------------------------------------------------------------
+
+    def symmetries_at(self, at: Mapping[str, float] | Array | None = None) -> tuple[Symmetry, ...]:
+        """Return the symmetries of the equations at parameter values, all but the identity.
+
+        They form a group with it: the named ones that hold there come first, then the change of sign with half a
+        forcing period, the change of sign and half a period where they hold, then products of these.
+
+        Parameters
+        ----------
+        at : mapping or array (n_parameters,), optional
+            Overrides of the defaults by name, or all values in order. omega counts as 1 where it has no value.
+        """
+        terms = self._equivariance.at(self._complete(at))
+        return tuple(symmetry for symmetry in self._group if terms.lack_of(symmetry) is None)
+
+    @cached_property
+    def _group(self) -> tuple[Symmetry, ...]:
+        return group(self.symmetries, self.n_dof)
+
+    @cached_property
+    def _equivariance(self) -> Equivariance:
+        omega = self.parameters.index("omega")
+        force = self.compiled_force.value
+        return Equivariance(self.matrices, force, self.excitation, self.lag_state, self.lag_input, omega)
+
+    def _names_of_displacements(self) -> dict[str, int]:
+        """Return the positions of the displacements by name: x, or x1, x2, ..., and outputs that are one of them."""
+        names = {name: i for i, name in enumerate(displacements(self.n_dof))}
+        still = [ca.SX.zeros(size) for size in (self.n_dof, self.n_dof, self.n_lags)]
+        values = self.outputs(self.q, *still, 0, self.p)
+        for k, name in enumerate(self.output_names):
+            for i in range(self.n_dof):
+                if ca.is_equal(values[k], self.q[i]):
+                    names[name] = i
+        return names
+
+    def check_symmetry(self, symmetry: Symmetry, at: Mapping[str, float] | Array | None = None) -> None:
+        """Raise a ValueError that says in which term, and by how much, the equations lack a symmetry at parameters."""
+        list_of_symmetries([symmetry], self.n_dof)
+        values = self._complete(at)
+        if (lack := self._equivariance.at(values).lack_of(symmetry)) is not None:
+            raise ValueError(
+                f"the system does not have the symmetry {symmetry.name!r}: {lack} at {self._in_words(values)}; correct "
+                "its matrix or its shift, or leave it out (system.symmetries_at(...) tells those that there are)"
+            )
+
+    def _check_symmetries(self) -> None:
+        """Raise a ValueError for a symmetry or an angle that the equations do not have at the default parameters."""
+        values = self._complete({}, but=self.parameters.names)
+        for symmetry in self.symmetries:
+            self.check_symmetry(symmetry, values)
+        for dof in self.angles:
+            if (lack := self._equivariance.at(values).lack_of_turn(dof)) is not None:
+                raise ValueError(
+                    f"displacement {dof} is no angle, its turn by 2 pi changes the equations: {lack} at "
+                    f"{self._in_words(values)}; leave it out of angles, or, if angles only turn together, take their "
+                    "differences as coordinates"
+                )
+        _ = self._group if self.symmetries else ()  # too large a one is refused here
+
+    def _complete(self, at: Mapping[str, float] | Array | None, but: Iterable[str] = ("omega",)) -> Array:
+        """Return all values in order, 1 for those named in ``but`` that have none."""
+        values = self.parameters.values(at, but=but) if at is None or isinstance(at, Mapping) else at
+        complete: Array = np.nan_to_num(np.array(values, dtype=float), nan=1.0)
+        return complete
+
+    def _in_words(self, values: Array) -> str:
+        return ", ".join(f"{name} = {value:g}" for name, value in self.parameters.as_dict(values).items())
 
     def _check_signals(self) -> None:
         """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
