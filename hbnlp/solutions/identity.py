@@ -123,7 +123,10 @@ def broken_in(solution: Solution, direction: Array, *, floor: float = 0.0) -> Sy
         Size below which the motion is not measured relative to itself: it may be rest.
     """
     n, periods, angles = direction.shape[0], solution.periods, _angles(solution)
-    whole = [Symmetry(np.eye(n), shift=PERIOD * k, name=counted(k, "forcing period")) for k in range(1, periods)]
+    whole = [
+        Symmetry(np.eye(n), shift=PERIOD * k, name=f"shift by {counted(k, 'forcing period')}")
+        for k in range(1, periods)
+    ]
     known = solution.problem.system.symmetries_at(solution.parameters) if solution.problem is not None else ()
     for symmetry in (*whole, *known):
         for later in range(periods):

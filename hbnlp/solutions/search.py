@@ -43,7 +43,7 @@ class Search:
     amplitudes : (float, float)
         Range of that amplitude, drawn log-uniformly, relative to the solution that a cold start finds.
     n_deflated : int
-        Deflated Newton runs from the neighbourhood of each solution found.
+        Deflated Newton runs from the neighbourhood of each solution found, in each of its forcing periods.
     largest_load : float
         From each solution the load is varied, through folds, between 0 and this multiple of its value; where the curve
         comes back to the load itself is another solution. 0: off.
@@ -166,7 +166,7 @@ def _attempts(
                 for crossing in _crossings_of_load(problem, values, vector, options):
                     motions.add(attempt(problem, values, crossing, options.newton, start="varied load"))
             visited += 1
-            for _ in range(options.n_deflated):
+            for _ in range(options.n_deflated * problem.periods):
                 nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
                 near = vector + nudge / np.sqrt(vector.size)
                 _run(problem, values, near, motions, options, "deflation")
@@ -194,7 +194,7 @@ class _Motions:
     @property
     def largest(self) -> float:
         """Size of the largest solution, or of the linear response; 1 where all is at rest."""
-        return max((float(np.linalg.norm(s.coefficients)) for s in self.found), default=0.0) or self._least or 1.0
+        return max([self._least, *(float(np.linalg.norm(s.coefficients)) for s in self.found)]) or 1.0
 
     def add(self, solution: Solution) -> None:
         """Add a motion and its images, unless it did not converge or is known."""
@@ -211,9 +211,17 @@ class _Motions:
                 self.is_image.append(True)
 
     def poles(self) -> list[Array]:
-        """Return the vectors from which deflation leads away: all motions, begun in any forcing period."""
-        periods = range(self._problem.periods)
-        return [moved(s.coefficients, self._identity, s.periods, later=k).ravel() for s in self.found for k in periods]
+        """Return the vectors from which deflation leads away: all motions, as they look from any forcing period."""
+        poles = []
+        for solution in self.found:
+            seen: list[Array] = []
+            for k in range(self._problem.periods):
+                x = moved(solution.coefficients, self._identity, solution.periods, later=k).ravel()
+                # a motion of fewer periods is there once: two poles in one place would push twice as far
+                if all(np.linalg.norm(x - other) > self._options.separation * np.linalg.norm(x) for other in seen):
+                    seen.append(x)
+            poles += seen
+        return poles
 
     def _is_known(self, solution: Solution) -> bool:
         floor, tol = REST * self.largest, self._options.separation
