@@ -152,7 +152,7 @@ def _attempts(
 ) -> Iterator[Report]:
     """Add to what is found: around the known solutions and a cold start, then from one random start after another."""
     for solution in known:
-        motions.add(attempt(problem, values, guess_for(problem, solution), options.newton, start="known"))
+        motions.polish(guess_for(problem, solution), "known")
     with contextlib.suppress(ConvergenceError):
         motions.add(solve(problem, at=at))
     reference = motions.largest
@@ -164,7 +164,7 @@ def _attempts(
             vector = problem.vector(motions.found[visited].coefficients)
             if not motions.is_image[visited]:
                 for crossing in _crossings_of_load(problem, values, vector, options):
-                    motions.add(attempt(problem, values, crossing, options.newton, start="varied load"))
+                    motions.polish(crossing, "varied load")
             visited += 1
             for _ in range(options.n_deflated * problem.periods):
                 nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
@@ -186,7 +186,7 @@ class _Motions:
     def __init__(self, problem: HarmonicBalance, values: Array, options: Search) -> None:
         self.found: list[Solution] = []
         self.is_image: list[bool] = []
-        self._problem, self._options = problem, options
+        self._problem, self._values, self._options = problem, values, options
         self._identity = Symmetry.identity(problem.system.n_dof)
         self._symmetries = problem.system.symmetries_at(values)
         self._least = float(np.linalg.norm(linear_guess(problem, values)))
@@ -196,19 +196,29 @@ class _Motions:
         """Size of the largest solution, or of the linear response; 1 where all is at rest."""
         return max([self._least, *(float(np.linalg.norm(s.coefficients)) for s in self.found)]) or 1.0
 
+    def polish(self, guess: Array, start: str) -> None:
+        """Add what Newton's method makes of a guess; ``start`` says where it is from."""
+        try:
+            solution = attempt(self._problem, self._values, guess, self._options.newton, start=start)
+        except ValueError:  # it takes more samples than a smooth force does: no motion of so few harmonics
+            return
+        self.add(solution)
+
     def add(self, solution: Solution) -> None:
         """Add a motion and its images, unless it did not converge or is known."""
         if not solution.converged or self._is_known(solution):
             return
+        self._keep(solution, is_image=False)
+        for image in (solution.image(symmetry) for symmetry in self._symmetries):
+            if not self._is_known(image):
+                self._keep(image, is_image=True)
+
+    def _keep(self, solution: Solution, *, is_image: bool) -> None:
         angles = self._problem.system.angles
         if angles:
             solution = solution.with_coefficients(without_turns(solution.coefficients, angles))
         self.found.append(solution)
-        self.is_image.append(False)
-        for image in (solution.image(symmetry) for symmetry in self._symmetries):
-            if not self._is_known(image):
-                self.found.append(image)
-                self.is_image.append(True)
+        self.is_image.append(is_image)
 
     def poles(self) -> list[Array]:
         """Return the vectors from which deflation leads away: all motions, as they look from any forcing period."""
@@ -231,7 +241,7 @@ class _Motions:
 def _run(problem: HarmonicBalance, values: Array, start: Array, motions: _Motions, options: Search, how: str) -> None:
     guess = deflated_newton(problem, values, start, motions.poles(), options.max_iterations)
     if guess is not None:
-        motions.add(attempt(problem, values, guess, options.newton, start=how))
+        motions.polish(guess, how)
 
 
 def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, options: Search) -> list[Array]:

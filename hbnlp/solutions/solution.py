@@ -115,7 +115,7 @@ class Solution:
         ValueError
             If the equations do not have it at these parameters, or the solution came from a file.
         """
-        attached(self).system.check_symmetry(symmetry, self.parameters)
+        attached(self).system.invariance.check(symmetry, self.parameters)
         image = self.with_coefficients(moved(self.coefficients, symmetry, self.periods))
         return replace(image, statistics={**self.statistics, "start": f"image by {symmetry.name}"})
 

@@ -75,7 +75,7 @@ class Equivariance:
         omega: int,
     ) -> None:
         self._matrices, self._lag_state, self._lag_input, self._omega = matrices, lag_state, lag_input, omega
-        self._n = lag_input.shape[1]
+        self.n_dof = int(lag_input.shape[1])
         self._force = force.map(len(SIZES) * N_POINTS)
         self._excitation = excitation.map(N_PHASES)
 
@@ -88,7 +88,7 @@ class Equivariance:
         """Displacements and velocities by omega (n, n_points), and phases (n_points,)."""
         rng = np.random.default_rng(5)
         sizes = np.repeat(SIZES, N_POINTS)
-        q, v = rng.uniform(-1.0, 1.0, (2, self._n, sizes.size)) * sizes
+        q, v = rng.uniform(-1.0, 1.0, (2, self.n_dof, sizes.size)) * sizes
         return q, v, rng.uniform(0.0, PERIOD, sizes.size)
 
 
@@ -120,7 +120,7 @@ class Terms:
 
     def lack_of_turn(self, dof: int) -> Lack | None:
         """Return in what a displacement that is 2 pi larger shows, or None where it is an angle."""
-        turn = np.zeros((self._source._n, 1))
+        turn = np.zeros((self._source.n_dof, 1))
         turn[dof] = PERIOD
         like_a_turn = np.repeat(SIZES, N_POINTS) == 1.0
         here = self._force_at(self._q, self._v, self._tau)[:, like_a_turn]
@@ -130,7 +130,7 @@ class Terms:
 
     def _rows_moved_with(self, matrix: Array) -> Array:
         """Return T: how the equations change places with the displacements."""
-        n = self._source._n
+        n = self._source.n_dof
         if np.array_equal(np.abs(matrix), np.eye(n)) and abs(np.trace(matrix)) == n:
             return matrix  # of any mass matrix, a singular one too
         check_mass(self._mass)
@@ -144,7 +144,8 @@ class Terms:
         if not state.size:
             return []
         poles = np.abs(np.linalg.eigvals(state))
-        frequencies = np.geomspace(0.5 * max(poles.min(), 1e-6 * poles.max()), 2.0 * poles.max() or 1.0, 5)
+        fastest = float(poles.max()) or 1.0
+        frequencies = np.geomspace(0.4 * max(float(poles.min()), 1e-6 * fastest), 2.3 * fastest, 5)
         identity = np.eye(state.shape[0])
         return [(1j * w, self._lag_output @ np.linalg.solve(1j * w * identity - state, drive)) for w in frequencies]
 

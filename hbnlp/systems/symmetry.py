@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import numpy as np
 
-from hbnlp.core.checks import instance_of, real_number, unknown_name, whole_number
+from hbnlp.core.checks import instance_of, real_number
 from hbnlp.core.types import Array
 
 PERIOD = 2.0 * np.pi
@@ -60,11 +60,13 @@ class Symmetry:
             raise ValueError(
                 f"the matrix of symmetry {self.name!r} has shape {matrix.shape}; give a square one, (n_dof, n_dof)"
             )
-        if not np.all(np.isfinite(matrix)) or np.linalg.matrix_rank(matrix) < matrix.shape[0]:
+        finite = bool(np.all(np.isfinite(matrix)))
+        if not finite or np.linalg.slogdet(matrix)[0] == 0.0:
             raise ValueError(
-                f"the matrix of symmetry {self.name!r} is {'singular' if np.all(np.isfinite(matrix)) else 'not finite'}"
-                "; give one that can be undone, such as a permutation or a reflection"
+                f"the matrix of symmetry {self.name!r} is {'singular' if finite else 'not finite'}; give one that can "
+                "be undone, such as a permutation or a reflection"
             )
+        matrix.setflags(write=False)
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "shift", real_number(f"shift of symmetry {self.name!r}", self.shift))
 
@@ -81,7 +83,9 @@ class Symmetry:
     @property
     def is_identity(self) -> bool:
         """Whether it takes every motion to itself."""
-        return self == Symmetry.identity(self.n_dof)
+        return round(self.shift, DECIMALS) == 0.0 and np.array_equal(
+            np.round(self.matrix, DECIMALS), np.eye(self.n_dof)
+        )
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Symmetry) else NotImplemented
@@ -112,50 +116,14 @@ def inherent(n_dof: int) -> tuple[Symmetry, ...]:
     )
 
 
-def list_of_symmetries(given: Sequence[Symmetry], n_dof: int) -> tuple[Symmetry, ...]:
-    """Return what a user gives as symmetries of a system, checked.
-
-    Raises
-    ------
-    TypeError
-        If it is no sequence of symmetries.
-    ValueError
-        If one is of another number of degrees of freedom.
-    """
-    if not isinstance(given, Sequence) or not all(isinstance(each, Symmetry) for each in given):
-        raise TypeError(f"symmetries is {given!r}; give a list, [hbnlp.Symmetry(matrix)], also for a single one")
-    for each in given:
-        if each.n_dof != n_dof:
-            raise ValueError(
-                f"the matrix of symmetry {each.name!r} has shape {each.matrix.shape}; for this system give one of "
-                f"shape ({n_dof}, {n_dof})"
-            )
-    return tuple(given)
-
-
-def angle_positions(given: Sequence[str | int], names: Mapping[str, int], n_dof: int) -> tuple[int, ...]:
-    """Return the numbers of the displacements that a user gives as angles, in order, each once.
-
-    Raises
-    ------
-    TypeError
-        If it is no sequence.
-    KeyError
-        For a name of no displacement.
-    ValueError
-        For a number that no displacement has.
-    """
-    if isinstance(given, str) or not isinstance(given, Sequence):
-        raise TypeError(f"angles is {given!r}; give a list of names or numbers of displacements, also for a single one")
-    positions = set()
-    for angle in given:
-        if isinstance(angle, str):
-            if angle not in names:
-                raise KeyError(unknown_name("displacement", angle, names))
-            positions.add(names[angle])
-        else:
-            positions.add(whole_number("an entry of angles", angle, least=0, most=n_dof - 1, advice=", or a name"))
-    return tuple(sorted(positions))
+def of_size(symmetry: Symmetry, n_dof: int) -> Symmetry:
+    """Return a symmetry, or raise a ValueError if it is of another number of degrees of freedom."""
+    if symmetry.n_dof != n_dof:
+        raise ValueError(
+            f"the matrix of symmetry {symmetry.name!r} has shape {symmetry.matrix.shape}; for this system give one of "
+            f"shape ({n_dof}, {n_dof})"
+        )
+    return symmetry
 
 
 def group(symmetries: Sequence[Symmetry], n_dof: int) -> tuple[Symmetry, ...]:

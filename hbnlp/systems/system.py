@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import casadi as ca
@@ -26,9 +26,10 @@ from hbnlp.systems.expressions import (
     matrix,
     numbers,
 )
+from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmetries, names_of_displacements
 from hbnlp.systems.parameters import Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
-from hbnlp.systems.symmetry import Symmetry, angle_positions, group, list_of_symmetries
+from hbnlp.systems.symmetry import Symmetry
 
 
 class System:
@@ -77,6 +78,10 @@ class System:
         do not have: the message says in which term, and by how much.
     KeyError
         For an angle that is no displacement.
+
+    Notes
+    -----
+    Many methods: sizes, and what is compiled of the equations when first asked for, each under its own name.
 
     Examples
     --------
@@ -151,8 +156,9 @@ class System:
         self.output_names: tuple[str, ...] = tuple(self._outputs)
         _ = self.outputs  # what is wrong with them is said here
         self.symmetries = list_of_symmetries(symmetries, n)
-        self.angles = angle_positions(angles, self._names_of_displacements() if angles else {}, n)
-        self._check_symmetries()
+        self.angles = angle_positions(angles, names_of_displacements(self.outputs, self.output_names), n)
+        if self.symmetries or self.angles:
+            self.invariance.check_given(self.angles)
 
     # -- sizes ------------------------------------------------------------------------------------------------------
 
@@ -273,62 +279,14 @@ class System:
         at : mapping or array (n_parameters,), optional
             Overrides of the defaults by name, or all values in order. omega counts as 1 where it has no value.
         """
-        terms = self._equivariance.at(self._complete(at))
-        return tuple(symmetry for symmetry in self._group if terms.lack_of(symmetry) is None)
+        return self.invariance.at(at)
 
     @cached_property
-    def _group(self) -> tuple[Symmetry, ...]:
-        return group(self.symmetries, self.n_dof)
-
-    @cached_property
-    def _equivariance(self) -> Equivariance:
-        omega = self.parameters.index("omega")
-        force = self.compiled_force.value
-        return Equivariance(self.matrices, force, self.excitation, self.lag_state, self.lag_input, omega)
-
-    def _names_of_displacements(self) -> dict[str, int]:
-        """Return the positions of the displacements by name: x, or x1, x2, ..., and outputs that are one of them."""
-        names = {name: i for i, name in enumerate(displacements(self.n_dof))}
-        still = [ca.SX.zeros(size) for size in (self.n_dof, self.n_dof, self.n_lags)]
-        values = self.outputs(self.q, *still, 0, self.p)
-        for k, name in enumerate(self.output_names):
-            for i in range(self.n_dof):
-                if ca.is_equal(values[k], self.q[i]):
-                    names[name] = i
-        return names
-
-    def check_symmetry(self, symmetry: Symmetry, at: Mapping[str, float] | Array | None = None) -> None:
-        """Raise a ValueError that says in which term, and by how much, the equations lack a symmetry at parameters."""
-        list_of_symmetries([symmetry], self.n_dof)
-        values = self._complete(at)
-        if (lack := self._equivariance.at(values).lack_of(symmetry)) is not None:
-            raise ValueError(
-                f"the system does not have the symmetry {symmetry.name!r}: {lack} at {self._in_words(values)}; correct "
-                "its matrix or its shift, or leave it out (system.symmetries_at(...) tells those that there are)"
-            )
-
-    def _check_symmetries(self) -> None:
-        """Raise a ValueError for a symmetry or an angle that the equations do not have at the default parameters."""
-        values = self._complete({}, but=self.parameters.names)
-        for symmetry in self.symmetries:
-            self.check_symmetry(symmetry, values)
-        for dof in self.angles:
-            if (lack := self._equivariance.at(values).lack_of_turn(dof)) is not None:
-                raise ValueError(
-                    f"displacement {dof} is no angle, its turn by 2 pi changes the equations: {lack} at "
-                    f"{self._in_words(values)}; leave it out of angles, or, if angles only turn together, take their "
-                    "differences as coordinates"
-                )
-        _ = self._group if self.symmetries else ()  # too large a one is refused here
-
-    def _complete(self, at: Mapping[str, float] | Array | None, but: Iterable[str] = ("omega",)) -> Array:
-        """Return all values in order, 1 for those named in ``but`` that have none."""
-        values = self.parameters.values(at, but=but) if at is None or isinstance(at, Mapping) else at
-        complete: Array = np.nan_to_num(np.array(values, dtype=float), nan=1.0)
-        return complete
-
-    def _in_words(self, values: Array) -> str:
-        return ", ".join(f"{name} = {value:g}" for name, value in self.parameters.as_dict(values).items())
+    def invariance(self) -> Invariance:
+        """What tells the symmetries of the equations from those that they lack, and by how much."""
+        omega, force = self.parameters.index("omega"), self.compiled_force.value
+        equations = Equivariance(self.matrices, force, self.excitation, self.lag_state, self.lag_input, omega)
+        return Invariance(equations, self.parameters, self.symmetries)
 
     def _check_signals(self) -> None:
         """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
