@@ -4,14 +4,15 @@ Harmonic balance as a CasADi nonlinear program, traced through its folds with Fl
 """
 
 from importlib.metadata import version
+from typing import Any
 
 from hbnlp import aero, design, identification, systems
 from hbnlp.aero import AeroROM
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import Branch, load_branch
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.extrema import locate_peak, peaks
 from hbnlp.branches.fold_curves import FoldBranch
-from hbnlp.branches.following import fold_curve
+from hbnlp.branches.following import follow
 from hbnlp.branches.resolution import ResolvedBranch, resolve_harmonics
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.switching import switch_branch
@@ -30,6 +31,7 @@ from hbnlp.core.errors import (
     TaskError,
 )
 from hbnlp.core.kinds import End, FoldEvent, Kind, Status
+from hbnlp.core.renamed import renamed_name
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.runge_kutta import RungeKutta4
@@ -100,11 +102,10 @@ __all__ = [
     "eigenvalues",
     "find_all",
     "floquet",
-    "fold_curve",
+    "follow",
     "identification",
     "integrate",
     "lift_response",
-    "load_branch",
     "locate_peak",
     "membrane_wing",
     "peaks",
@@ -119,3 +120,12 @@ __all__ = [
     "trace",
     "truncation_error",
 ]
+
+_RENAMED = {
+    "fold_curve": "hbnlp.follow(fold, 'force', span=...)",
+    "load_branch": "hbnlp.Branch.load(path, problem=...)",
+}
+
+
+def __getattr__(name: str) -> Any:
+    raise renamed_name("hbnlp", name, _RENAMED)

@@ -41,7 +41,7 @@ assert np.allclose(sorted(fold.value for fold in isola.folds), [1.5658235396, 2.
 
 # %%
 # A fold of the isola, followed as the force varies, too: where the detached branch is born, and where it merges.
-curve = hbnlp.fold_curve(problem, isola.folds[0], "omega", "force", second_span=(0.08, 0.22))
+curve = hbnlp.follow(isola.folds[0], "force", span=(0.08, 0.22))
 (birth,), (merge,) = curve.isola_births, curve.isola_merges
 print(f"born at F = {birth.second:.9f}, merges at F = {merge.second:.9f}")
 assert abs(birth.second - 0.122984738) < 1e-8

@@ -27,7 +27,7 @@ for n_harmonics in (1, 3, 5, 9):
     omega, rows = np.linspace(0.3, 1.2, 46), []
     for w in omega:
         exact = hbnlp.solve(reference, at={"omega": w})
-        solution = hbnlp.solve(problem, at={"omega": w}, guess=exact.coefficients[:, : problem.shape[1]])
+        solution = hbnlp.solve(problem, at={"omega": w}, start=exact.coefficients[:, : problem.shape[1]])
         difference = reference.vector(solution.coefficients) - exact.coefficients.ravel()
         true = np.linalg.norm(difference) / np.linalg.norm(solution.coefficients)
         rows.append([hbnlp.truncation_error(solution), true])

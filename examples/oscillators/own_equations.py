@@ -42,10 +42,8 @@ print(branch)
 # From the first period doubling onto the branch of twice the period, where the harmonics are those of omega / 2. After
 # its second fold it would come back as its own mirror image, shifted by one period of the force: stop there.
 first, second = branch.of_kind(hbnlp.Kind.PERIOD_DOUBLING)
-start = hbnlp.switch_branch(problem, first, "omega")[0]
-tracer = hbnlp.Tracer(
-    start.problem, "omega", (0.6, 4.0), start=start, away_from=first.solution, stability=hbnlp.Floquet()
-)
+start = hbnlp.switch_branch(first)[0]
+tracer = hbnlp.Tracer(start, "omega", (0.6, 4.0))
 for _point in tracer:
     if tracer.n_folds == 2:
         break
@@ -62,7 +60,7 @@ assert abs(second.value - doubled.branch_points[-1].value) < 1e-6
 # And a check of the branch: direct integration from some of its states, over two periods of the force.
 stable = [doubled.solution(i) for i in np.flatnonzero(doubled.stable)]
 some = [min(stable, key=lambda s: abs(s.omega - omega)) for omega in (1.95, 2.2, 2.6, 3.0, 3.4)]
-integrated = [hbnlp.integrate(system, at={"omega": s.omega}, initial=s, periods=2).harmonics("x")[1] for s in some]
+integrated = [hbnlp.integrate(system, at={"omega": s.omega}, start=s, periods=2).harmonics("x")[1] for s in some]
 assert np.allclose(np.abs(integrated), [abs(s.harmonics("x")[1]) for s in some], rtol=1e-5)
 
 ax = branch.plot("x", label="period of the force")

@@ -46,21 +46,21 @@ def explore(problem, span, frequencies, **options):
     def reached(omega):
         return [solution for branches in found.values() for branch in branches for solution in branch.at(omega)]
 
-    def trace(how, **start):
-        found[how].append(hbnlp.trace(problem, "omega", span, **start, **options))
+    def trace(how, subject, **at):
+        found[how].append(hbnlp.trace(subject, "omega", span, **at, **options))
         print(f"{how}: {found[how][-1]!r}")
         return found[how][-1]
 
     found, counts = {"from low frequencies": [], "from its branch points": [], "by the search": []}, []
-    for crossing in trace("from low frequencies", at=at).branch_points:
-        for start in hbnlp.switch_branch(problem, crossing, "omega"):
+    for crossing in trace("from low frequencies", problem, at=at).branch_points:
+        for start in hbnlp.switch_branch(crossing):
             if not is_among(start, reached(start.omega)):
-                trace("from its branch points", start=start, away_from=crossing.solution)
+                trace("from its branch points", start)
     for omega in frequencies:
         solutions = hbnlp.find_all(problem, at={**at, "omega": omega}, rng=rng, known=reached(omega))
         moderate = [s for s in solutions if abs(membrane.camber(s.displacement(phase / omega))).max() < 0.5]
         for solution in moderate:
-            if not is_among(solution, reached(omega)) and not trace("by the search", start=solution).closed:
+            if not is_among(solution, reached(omega)) and not trace("by the search", solution).closed:
                 trace("by the search", start=solution, direction=-1)
         assert all(is_among(solution, reached(omega)) for solution in moderate)
         counts.append(len(moderate))
@@ -82,7 +82,7 @@ size, begun = np.linalg.norm(motions[0].coefficients), time.process_time()
 rng = np.random.default_rng(0)
 scatter = rng.normal(size=(100, *problem.shape)) * [0.0, 1.0, 1.0]
 guesses = [size * 10.0 ** rng.uniform(-2.0, 0.0) * x / 4.0 for x in scatter]
-answers = [hbnlp.solve(problem, at=at_six, guess=g, method=hbnlp.Rootfinder(), throw=False) for g in guesses]
+answers = [hbnlp.solve(problem, at=at_six, start=g, method=hbnlp.Rootfinder(), throw=False) for g in guesses]
 reached = [s for s in answers if s.converged]
 hits = {name: sum(is_among(s, [motion]) for s in reached) for name, motion in zip(names, motions, strict=True)}
 print(f"{len(guesses)} random guesses at omega = 6, {time.process_time() - begun:.2f} CPU s: {hits}")

@@ -44,8 +44,8 @@ balanced = time.process_time() - begun
 begun = time.process_time()
 march = {"at": pitch, "max_periods": 40, "periodic_tol": 1e-5, "find_jumps": False}
 resonant = branches[2].solution(0)
-up = hbnlp.sweep(nonlinear, "omega", [1.0, 1.8, 3.3, 4.2, 5.0], initial=resonant, **march)
-down = hbnlp.sweep(nonlinear, "omega", [5.6, 5.0, 4.5, 4.2], initial=quiet, **march)
+up = hbnlp.sweep(nonlinear, "omega", [1.0, 1.8, 3.3, 4.2, 5.0], start=resonant, **march)
+down = hbnlp.sweep(nonlinear, "omega", [5.6, 5.0, 4.5, 4.2], start=quiet, **march)
 integrated = time.process_time() - begun
 
 print(" march   omega    integrated  full, H = 9  quasi-linear, H = 9")
@@ -69,7 +69,7 @@ for name, result, marker in (("up", up, "^"), ("down", down, "v")):
         assert lifts[-1] > 5.0 * lifts[0]
 at = {**pitch, "omega": 1.8}
 full = hbnlp.solve(branches[2].problem, at=at)
-settled = hbnlp.integrate(nonlinear, at=at, initial=full, periodic_tol=1e-4)
+settled = hbnlp.integrate(nonlinear, at=at, start=full, periodic_tol=1e-4)
 difference = abs(settled.harmonics("C_L")[1] / full.harmonics("C_L")[1] - 1.0)
 print(f"omega = 1.8 from the state of harmonic balance: {difference:.1e} apart")
 assert difference < 2e-4

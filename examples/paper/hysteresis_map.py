@@ -35,7 +35,7 @@ import hbnlp
 membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
 wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
 problem = hbnlp.HarmonicBalance(wing, n_harmonics=1)
-spans = {"first_span": (0.5, 150.0), "second_span": (np.radians(0.1), np.radians(12.0))}
+spans = {"limits": (0.5, 150.0), "span": (np.radians(0.1), np.radians(12.0))}
 
 
 def on_a_curve(omega, amplitude, curves):
@@ -56,7 +56,7 @@ def fold_curves(problem):
         branch = hbnlp.trace(problem, "omega", (0.02, 100.0), at={"pitch_amplitude": amplitude}, stability=None)
         for fold in branch.folds:
             if not on_a_curve(fold.value, amplitude, curves):
-                curves.append(hbnlp.fold_curve(problem, fold, "omega", "pitch_amplitude", **spans))
+                curves.append(hbnlp.follow(fold, "pitch_amplitude", **spans))
     return sorted(curves, key=lambda curve: curve.cusps[0].first)
 
 

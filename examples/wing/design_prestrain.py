@@ -44,7 +44,7 @@ coefficients = ca.reshape(problem.x, problem.shape[1], problem.shape[0]).T
 displacement = ca.DM(membrane.shape(np.linspace(0.2, 0.8, 9))) @ coefficients @ ca.DM(basis_values(phases, 3).T)
 required = ca.MX.sym("required")
 camber = {"camber": (-np.inf, last(displacement), 0.07)}
-fold = {"first fold": (0.0, first.parameter("omega") - required, np.inf)}
+fold = {"first fold": (0.0, first.symbol("omega") - required, np.inf)}
 cost = shared["prestrain"] / 0.008
 program = design.Program(shared, [first, last], objective=cost, bounds={**fold, **camber}, data=required, expand=False)
 optimum = program.solve({"prestrain": 0.008}, data=4.5)
@@ -60,7 +60,7 @@ assert abs(1.0 / after.folds[1].sensitivity["prestrain"] - price) < 1e-6
 
 # %%
 # How far the fold can go, and the prestrain that takes it there.
-reach = -first.parameter("omega") / 4.5
+reach = -first.symbol("omega") / 4.5
 farthest = design.Program(shared, [first, last], objective=reach, bounds=camber, expand=False).solve(optimum.values)
 limit, largest = (solution.omega for solution in farthest.solutions)
 assert abs(membrane.camber(farthest.solutions[1].displacement(phases / largest)).max() - 0.07) < 2e-4

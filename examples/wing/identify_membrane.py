@@ -47,7 +47,7 @@ def on_both_branches(**properties):
 # %%
 # The measurements: the wing as it is, and noise.
 true_branch, near = on_both_branches()
-exact = [hbnlp.solve(problem, at={**pitch, **set_to}, guess=solution) for set_to, solution in near]
+exact = [hbnlp.solve(problem, at={**pitch, **set_to}, start=solution) for set_to, solution in near]
 lift = np.array([abs(solution.harmonics("C_L")[1]) for solution in exact])
 sigma, rng = 0.01 * lift.mean(), np.random.default_rng(2)
 measured = lift + sigma * rng.standard_normal(lift.size)

@@ -51,8 +51,8 @@ rows = []
 for omega in (0.4, 0.7, 1.0, 1.4, 1.8, 2.2, 2.8, 3.4, 4.0):
     at = {"omega": omega, **pitch}
     near = branch.solution(int(np.argmin(abs(branch.parameter - omega))))
-    balanced = [hbnlp.solve(problem, at=at, guess=near) for problem in (three, seven, branch.problem)]
-    integrated = hbnlp.integrate(nonlinear, at=at, initial=balanced[1], periodic_tol=1e-7)
+    balanced = [hbnlp.solve(problem, at=at, start=near) for problem in (three, seven, branch.problem)]
+    integrated = hbnlp.integrate(nonlinear, at=at, start=balanced[1], periodic_tol=1e-7)
     rows.append([omega, *(lift(response) for response in (integrated, *balanced))])
     print("omega {:.1f}: C_L {:.6f} integrated, {:.6f} (H = 3), {:.6f} (H = 7), {:.6f} quasi-linear".format(*rows[-1]))
 omegas, reference, *others = np.array(rows).T

@@ -142,10 +142,17 @@ class AeroROM:
             If ``s`` holds frequencies, points of the imaginary axis, outside the band of the ROM's provenance. Zero is
             no such point: the static value is exact.
         """
+        return self._loads_per_motion(s)
+
+    def __call__(self, s: ArrayLike) -> ComplexArray:
+        """Return the loads per motion exp(s t), as `transfer` does: a system of python-control is called so, too."""
+        return self._loads_per_motion(s)
+
+    def _loads_per_motion(self, s: ArrayLike) -> ComplexArray:
         points = np.asarray(s, dtype=complex)
         if not np.all(np.isfinite(points)):
             raise ValueError(f"s holds {points[~np.isfinite(points)].flat[0]}; only finite values are accepted")
-        self.provenance.warn_outside_band(points, stacklevel=3)
+        self.provenance.warn_outside_band(points, stacklevel=4)
         z = points[..., np.newaxis, np.newaxis]
         g: ComplexArray = (self.stiffness + z * self.damping + z**2 * self.mass).astype(complex)
         if self.n_lags:

@@ -20,6 +20,7 @@ from hbnlp.balance.assembly import Assembly
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
 from hbnlp.core.kept import Kept
+from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import n_coefficients, resize, to_complex
 from hbnlp.systems.system import System
@@ -197,9 +198,12 @@ class HarmonicBalance:
         """CasADi function (x, p) -> dg/dx."""
         return ca.Function("jacobian", [self.x, self.p], [ca.jacobian(self.g, self.x)], ["x", "p"], ["jac_g_x"])
 
-    def parameter(self, name: str) -> ca.MX:
+    def symbol(self, name: str) -> ca.MX:
         """Return the symbol of a parameter in the program."""
-        return self.symbols.parameter(name)
+        return self.symbols.symbol(name)
+
+    def __getattr__(self, name: str) -> Any:
+        raise renamed_name("HarmonicBalance", name, {"parameter": "problem.symbol(name)"})
 
     def coefficients(self, dof: int) -> ca.MX:
         """Return the symbols a_0, a_1, ... (2H+1,) of one displacement."""

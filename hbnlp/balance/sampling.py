@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hbnlp.fourier import FourierBasis
-from hbnlp.systems.excitation import excitation_samples
+from hbnlp.systems.excitation_samples import excitation_samples
 from hbnlp.systems.system import System
 
 HIGHEST_DEGREE = 9

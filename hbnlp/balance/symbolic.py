@@ -36,7 +36,7 @@ class Symbols:
         self.p = ca.MX.sym("p", len(system.parameters.names))
         self._coefficients = ca.reshape(self.x, length, system.n_dof)
 
-    def parameter(self, name: str) -> ca.MX:
+    def symbol(self, name: str) -> ca.MX:
         """Return the symbol of a parameter."""
         return self.p[self._system.parameters.index(name)]
 
@@ -69,7 +69,7 @@ class Symbols:
 
     @property
     def _rate(self) -> ca.MX:
-        return self.parameter("omega") / self._sampling.periods
+        return self.symbol("omega") / self._sampling.periods
 
     def _sampled(self, basis: FourierBasis, *signals: ca.MX) -> list[ca.MX]:
         return [(ca.DM(basis.sampling) @ each).T for each in signals]

@@ -14,16 +14,16 @@ from hbnlp.branches.special_points import SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.checks import counted, position
 from hbnlp.core.kinds import End, Kind
+from hbnlp.core.records import Layout, attributes_of, parts_of, values_along
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
+from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.crossing import solution_between
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.solution import Solution, attached
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_KIND = "branch"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +61,7 @@ class Branch:
     refused : int
         Steps that were refused and retried.
     problem : HarmonicBalance or None
-        None for a branch loaded from a file.
+        None for a branch loaded from a file without one.
     """
 
     name: str
@@ -100,15 +100,18 @@ class Branch:
         """Return the complex amplitudes (n_points, H+1) of a named output: ``a_0`` and ``a_{2h-1} - i a_{2h}``."""
         return self.amplitudes[:, position("output", output, self.output_names)]
 
-    def values(self, index: int) -> dict[str, float]:
-        """Return the values of all parameters at a point, in the system's order."""
-        return {n: float(self.parameter[index]) if n == self.name else self.parameters[n] for n in self.parameter_names}
+    def values(self, name: str) -> Array:
+        """Return the values (n_points,) of a parameter, the one that is continued in or another."""
+        return values_along(self, name)
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution."""
         return Solution(
             coefficients=self.coefficients[index],
-            parameters=self.values(index),
+            parameters={
+                name: float(self.parameter[index]) if name == self.name else self.parameters[name]
+                for name in self.parameter_names
+            },
             amplitudes=self.amplitudes[index],
             output_names=self.output_names,
             periods=self.periods,
@@ -135,7 +138,9 @@ class Branch:
         """
         problem = attached(self)
         values = problem.values(self.parameters, but=(self.name,))
-        curve = along_parameter(problem, values, self.name, span=self.span, floor=max(1e-3 * self._largest, TINY))
+        # a branch may begin at rest, where nothing can be measured relative to the solution
+        largest = float(np.linalg.norm(self.coefficients, axis=(1, 2)).max(initial=0.0))
+        curve = along_parameter(problem, values, self.name, span=self.span, floor=max(1e-3 * largest, TINY))
         points = np.array([curve.point(self.coefficients[i], self.parameter[i]) for i in range(len(self))])
         turns = [fold for fold in self.folds if fold.refined]
         turning = [curve.point(fold.solution.coefficients, fold.value) for fold in turns]
@@ -151,14 +156,21 @@ class Branch:
                 found.append(solution_between(curve, points[i], points[i + 1], float(value)))
         return tuple(found)
 
-    @property
-    def _largest(self) -> float:
-        """Size of the largest solution: a branch may begin at rest, where nothing can be measured relative to it."""
-        return float(np.linalg.norm(self.coefficients, axis=(1, 2)).max(initial=0.0))
+    def of_kind(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
+        """Return the special points of one kind, in branch order.
 
-    def of_kind(self, kind: Kind) -> tuple[SpecialPoint, ...]:
-        """Return the special points of one kind, in branch order."""
-        return tuple(point for point in self.special_points if point.kind is kind)
+        Parameters
+        ----------
+        kind : Kind or str
+            Or its word ("fold") or code ("LP", "BP", "PD", "NS" or "TR", "HB" or "H").
+
+        Raises
+        ------
+        ValueError
+            If there is no such kind.
+        """
+        wanted = Kind.of(kind)
+        return tuple(point for point in self.special_points if point.kind is wanted)
 
     @property
     def folds(self) -> tuple[SpecialPoint, ...]:
@@ -169,6 +181,11 @@ class Branch:
     def branch_points(self) -> tuple[SpecialPoint, ...]:
         """The branch points, in branch order."""
         return self.of_kind(Kind.BRANCH_POINT)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the branch was traced to an end of the span, or closed; if not, ``message`` says why."""
+        return self.end.complete
 
     @property
     def closed(self) -> bool:
@@ -189,11 +206,40 @@ class Branch:
         SaveError
             If it cannot be written; the branch in memory and an older file are as they were.
         """
-        arrays, special_points = packed(self.special_points, self.coefficients.shape[1:])
-        arrays |= {name: getattr(self, name) for name in _COLUMNS if getattr(self, name) is not None}
-        metadata = {name: getattr(self, name) for name in _METADATA}
-        metadata |= {"parameters": dict(self.parameters), "end": self.end.name, "special_points": special_points}
-        save_arrays(path, _KIND, arrays, metadata)
+        special_arrays, special_points = packed(self.special_points, self.coefficients.shape[1:])
+        arrays, metadata = parts_of(self, _LAYOUT)
+        metadata |= {"end": self.end.name, "special_points": special_points}
+        save_arrays(path, _LAYOUT.kind, arrays | special_arrays, metadata)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Branch:
+        """Return a branch from a file that `save` wrote, with its problem if that is given.
+
+        Parameters
+        ----------
+        path : path-like
+        problem : HarmonicBalance, optional
+            The problem that the branch was traced with. Without one the branch can be read and drawn.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        ValueError
+            If the file is damaged or holds something else, or if the problem is not the branch's: the message says in
+            what they differ.
+        TypeError
+            If ``problem`` is something else.
+        """
+        arrays, metadata = load_arrays(path, _LAYOUT.kind)
+        fields = attributes_of(path, arrays, metadata, _LAYOUT)
+        shared = {name: fields[name] for name in ("name", "output_names", "periods")}
+        special_points = unpacked(arrays, metadata["special_points"], **shared, problem=problem)
+        branch = cls(**fields, end=End[metadata["end"]], special_points=special_points, problem=problem)
+        if problem is not None:
+            for index in {0, len(branch) - 1} if len(branch) else ():
+                check_belongs(problem, branch.solution(index), what="branch")
+        return branch
 
     def __repr__(self) -> str:
         extent = "no points"
@@ -213,42 +259,15 @@ class Branch:
         )
 
 
-_COLUMNS = (
-    "parameter",
-    "coefficients",
-    "amplitudes",
-    "multipliers",
-    "stable",
-    "stability_error",
-    "stability_converged",
-    "arclength",
-    "residual",
-    "iterations",
-    "n_samples",
+_LAYOUT = Layout(
+    kind="branch",
+    arrays=(
+        *("parameter", "coefficients", "amplitudes", "multipliers", "stable", "stability_error", "stability_converged"),
+        *("arclength", "residual", "iterations", "n_samples"),
+    ),
+    metadata=(
+        *("name", "span", "message", "parameters", "parameter_names", "system_name", "output_names", "periods"),
+        "refused",
+    ),
+    optional=("multipliers", "stable", "stability_error", "stability_converged"),
 )
-_METADATA = ("name", "span", "message", "parameter_names", "system_name", "output_names", "periods", "refused")
-
-
-def load_branch(path: str | os.PathLike[str]) -> Branch:
-    """Return a branch from a file that `Branch.save` wrote; no system is needed.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file is damaged or holds something else.
-    """
-    arrays, metadata = load_arrays(path, _KIND)
-    columns: dict[str, Any] = {name: arrays.get(name) for name in _COLUMNS}
-    fields: dict[str, Any] = {name: tuple(v) if isinstance(v := metadata[name], list) else v for name in _METADATA}
-    special_points = unpacked(
-        arrays, metadata["special_points"], output_names=fields["output_names"], periods=fields["periods"]
-    )
-    return Branch(
-        **columns,
-        **fields,
-        parameters=metadata["parameters"],
-        end=End[metadata["end"]],
-        special_points=special_points,
-    )

@@ -77,8 +77,9 @@ class Detector:
             return _unrefined(curve, kind, before, after, index)
         return SpecialPoint(
             kind=kind,
-            value=located.parameter,
-            bracket=(before.parameter, after.parameter),
+            name=curve.name,
+            value=located.value,
+            bracket=(before.value, after.value),
             index=index,
             refined=True,
             solution=curve.solution(located.y, residual=located.residual),
@@ -102,8 +103,9 @@ def _fold(curve: Equations, before: Point, after: Point, index: int) -> SpecialP
     left = left_null_vector(problem, found.x, values, name, found.null)
     return SpecialPoint(
         kind=Kind.FOLD,
+        name=curve.name,
         value=found.value,
-        bracket=(before.parameter, after.parameter),
+        bracket=(before.value, after.value),
         index=index,
         refined=True,
         solution=curve.solution(y, residual=found.residual, iterations=found.iterations),
@@ -119,8 +121,9 @@ def _branch_point(curve: Equations, before: Point, after: Point, index: int) -> 
     solution, null = curve.solution(point.y, residual=point.residual), curve.coefficients(point.null)
     return SpecialPoint(
         kind=Kind.BRANCH_POINT,
-        value=point.parameter,
-        bracket=(before.parameter, after.parameter),
+        name=curve.name,
+        value=point.value,
+        bracket=(before.value, after.value),
         index=index,
         refined=True,
         solution=solution,
@@ -133,8 +136,9 @@ def _unrefined(curve: Equations, kind: Kind, before: Point, after: Point, index:
     """Return a special point that is only bracketed."""
     return SpecialPoint(
         kind=kind,
-        value=after.parameter,
-        bracket=(before.parameter, after.parameter),
+        name=curve.name,
+        value=after.value,
+        bracket=(before.value, after.value),
         index=index,
         refined=False,
         solution=curve.solution(after.y, residual=after.residual),

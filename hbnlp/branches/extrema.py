@@ -68,7 +68,13 @@ def locate_peak(
             solution,
         )
     return SpecialPoint(
-        kind=Kind.PEAK, value=value, bracket=bracket or (value, value), index=index, refined=True, solution=solution
+        kind=Kind.PEAK,
+        name=name,
+        value=value,
+        bracket=bracket or (value, value),
+        index=index,
+        refined=True,
+        solution=solution,
     )
 
 

@@ -9,14 +9,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.continuation.arclength import Stop
+from hbnlp.core.checks import unknown_name
 from hbnlp.core.kinds import FoldEvent
+from hbnlp.core.records import Layout, attributes_of, parts_of
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array
+from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.solution import Solution, attached, make_solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_KIND = "fold curve"
+_LAYOUT = Layout(
+    kind="fold curve", arrays=("first", "second", "coefficients"), metadata=("names", "ends", "parameters")
+)
+FIRST_SPAN, SECOND_SPAN = "end of the first span", "end of the second span"
+_COMPLETE = (FIRST_SPAN, SECOND_SPAN, Stop.CLOSED.value)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +56,10 @@ class FoldBranch:
         Why the curve ends, on either side.
     parameters : dict
         Values of the other parameters.
+    periods : int
+        Length of the motions in forcing periods.
+    problem : HarmonicBalance or None
+        None for a curve loaded from a file without one.
     """
 
     names: tuple[str, str]
@@ -55,13 +69,63 @@ class FoldBranch:
     events: tuple[FoldCurvePoint, ...]
     ends: tuple[str, str]
     parameters: Mapping[str, float]
+    periods: int = 1
+    problem: HarmonicBalance | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return int(self.first.size)
 
-    def of_kind(self, kind: FoldEvent) -> tuple[FoldCurvePoint, ...]:
-        """Return the events of one kind."""
-        return tuple(event for event in self.events if event.kind is kind)
+    @property
+    def complete(self) -> bool:
+        """Whether the curve was followed to the ends of the spans, or closed; if not, ``message`` says why."""
+        return all(end in _COMPLETE for end in self.ends)
+
+    @property
+    def message(self) -> str:
+        """Why it ended, on either side."""
+        return "; ".join(dict.fromkeys(self.ends))
+
+    def values(self, name: str) -> Array:
+        """Return the values (n_points,) of a parameter, one of the two or another."""
+        for own, column in zip(self.names, (self.first, self.second), strict=True):
+            if name == own:
+                return column
+        if name not in self.parameters:
+            raise KeyError(unknown_name("parameter", name, [*self.names, *self.parameters]))
+        return np.full(len(self), self.parameters[name])
+
+    def solution(self, index: int) -> Solution:
+        """Return the motion at one fold.
+
+        Raises
+        ------
+        ValueError
+            If the curve came from a file without its problem, whose outputs are needed.
+        """
+        problem, motion = attached(self, "load the curve with problem=..."), self._motion(index)
+        return make_solution(problem, motion.coefficients.ravel(), problem.values(motion.parameters))
+
+    def _motion(self, index: int) -> Solution:
+        """Return the motion at one fold without its outputs."""
+        own, other = self.names
+        return Solution(
+            coefficients=self.coefficients[index],
+            parameters={**self.parameters, own: float(self.first[index]), other: float(self.second[index])},
+            amplitudes=np.zeros((0, (self.coefficients.shape[2] + 1) // 2), dtype=complex),
+            output_names=(),
+            periods=self.periods,
+        )
+
+    def of_kind(self, kind: FoldEvent | str) -> tuple[FoldCurvePoint, ...]:
+        """Return the events of one kind, or of its word: "cusp", "isola birth", "isola merge".
+
+        Raises
+        ------
+        ValueError
+            If there is no such kind.
+        """
+        wanted = FoldEvent.of(kind)
+        return tuple(event for event in self.events if event.kind is wanted)
 
     @property
     def cusps(self) -> tuple[FoldCurvePoint, ...]:
@@ -86,17 +150,16 @@ class FoldBranch:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the curve to one ``.npz`` file without pickle, whole or not at all."""
-        arrays = {"first": self.first, "second": self.second, "coefficients": self.coefficients}
+        arrays, metadata = parts_of(self, _LAYOUT)
         if self.events:
             arrays["event_coefficients"] = np.array([event.coefficients for event in self.events])
         events = [{"kind": e.kind.name, "first": e.first, "second": e.second} for e in self.events]
-        metadata = {"names": self.names, "ends": self.ends, "parameters": dict(self.parameters), "events": events}
-        save_arrays(path, _KIND, arrays, metadata)
+        save_arrays(path, _LAYOUT.kind, arrays, metadata | {"periods": self.periods, "events": events})
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> FoldBranch:
-        """Return the curve from a file that `save` wrote."""
-        arrays, metadata = load_arrays(path, _KIND)
+    def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> FoldBranch:
+        """Return the curve from a file that `save` wrote, with its problem if that is given; see `Branch.load`."""
+        arrays, metadata = load_arrays(path, _LAYOUT.kind)
         events = tuple(
             FoldCurvePoint(
                 kind=FoldEvent[e["kind"]],
@@ -106,15 +169,12 @@ class FoldBranch:
             )
             for i, e in enumerate(metadata["events"])
         )
-        return cls(
-            names=tuple(metadata["names"]),
-            first=arrays["first"],
-            second=arrays["second"],
-            coefficients=arrays["coefficients"],
-            events=events,
-            ends=tuple(metadata["ends"]),
-            parameters=metadata["parameters"],
-        )
+        fields = attributes_of(path, arrays, metadata, _LAYOUT)
+        # files of version 0.1 do not say how many periods
+        curve = cls(**fields, events=events, periods=metadata.get("periods", 1), problem=problem)
+        if problem is not None:
+            check_belongs(problem, curve._motion(0), what="curve")
+        return curve
 
     def __repr__(self) -> str:
         def extent(values: Array) -> str:

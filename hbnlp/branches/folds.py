@@ -79,7 +79,7 @@ def fold_by_program(
 ) -> LocatedFold:
     """Return the fold near a point as the largest or the smallest parameter of the solutions."""
     index = problem.system.parameters.index(name)
-    free = problem.parameter(name) / max(abs(values[index]), 1e-12)
+    free = problem.symbol(name) / max(abs(values[index]), 1e-12)
     found = minimise(problem, -free if maximum else free, x, values, free=[name], method=ipopt)
     return LocatedFold(
         x=found.x,

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.fold_curves import FoldBranch, FoldCurvePoint
+from hbnlp.branches.fold_curves import FIRST_SPAN, SECOND_SPAN, FoldBranch, FoldCurvePoint
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.curve import null_vector
@@ -23,32 +22,32 @@ from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
-from hbnlp.solutions.equations import Equations, along_folds, along_parameter
+from hbnlp.solutions.equations import Equations, along_folds, along_parameter, settled
 from hbnlp.solutions.ipopt import FreeParameters
+from hbnlp.solutions.solution import attached
 
 
-def fold_curve(
-    problem: HarmonicBalance,
-    fold: SpecialPoint,
-    first: str,
-    second: str,
+def follow(
+    point: SpecialPoint,
+    name: str,
     *,
-    first_span: tuple[float, float] | None = None,
-    second_span: tuple[float, float] | None = None,
+    span: tuple[float, float] | None = None,
+    limits: tuple[float, float] | None = None,
     method: PseudoArclength | None = None,
     callbacks: Callbacks = (),
 ) -> FoldBranch:
-    """Follow a fold in two parameters, both ways.
+    """Follow a fold as a second parameter varies, both ways.
 
     Parameters
     ----------
-    problem : HarmonicBalance
-    fold : SpecialPoint
-        A fold in ``first``, as `hbnlp.trace` finds it.
-    first, second : str
-        The parameters.
-    first_span, second_span : (float, float), optional
-        Where to stop; by default a tenth and ten times the values at the fold.
+    point : SpecialPoint
+        A fold, as `hbnlp.trace` finds it; it knows its problem and its own parameter.
+    name : str
+        The second parameter.
+    span : (float, float), optional
+        Where to stop in the second parameter; by default a tenth and ten times its value at the fold.
+    limits : (float, float), optional
+        Where to stop in the fold's own parameter; by default a tenth and ten times its value.
     method : PseudoArclength, optional
     callbacks : sequence of callables
         Called after each fold with a `Progress`; one that raises `StopTracing` ends the curve, as Ctrl-C does: with all
@@ -64,45 +63,48 @@ def fold_curve(
     ConvergenceError
         If the fold does not converge in this problem.
     ValueError, KeyError
-        For another special point, spans that do not hold the fold, or unknown or equal parameters.
+        For another special point or one without its problem, spans that do not hold the fold, or a parameter that is
+        unknown or the fold's own.
     TypeError
-        For a problem, fold, method or callbacks of another kind.
+        For a point, method or callbacks of another kind.
     """
-    instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
-    instance_of("fold", fold, SpecialPoint, "one fold, such as branch.folds[0]")
+    instance_of("point", point, SpecialPoint, "one fold, such as branch.folds[0]")
     instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
     list_of_callables("callbacks", callbacks)
-    if first == second:
-        raise ValueError(f"first and second are both {first!r}; two different parameters are needed")
-    if fold.kind is not Kind.FOLD:
-        raise ValueError(f"fold is a {fold.kind.value}; a fold is needed, one of branch.folds")
-    values = problem.values(fold.solution.parameters)
-    index = problem.system.parameters.index
-    place = (float(values[index(first)]), float(values[index(second)]))
+    if point.kind is not Kind.FOLD:
+        raise ValueError(f"point is a {point.kind.value}; a fold is needed, one of branch.folds")
+    problem = attached(point, "load its branch with problem=...")
+    own, index = point.name, problem.system.parameters.index
+    index(name)
+    if own == name:
+        raise ValueError(f"name is {name!r}, the fold's own parameter; give another one")
+    values = problem.values(point.solution.parameters)
+    place = (float(values[index(own)]), float(values[index(name)]))
     spans = [
-        _span_around(span, value, name)
-        for span, value, name in zip((first_span, second_span), place, (first, second), strict=True)
+        _span_around(given, value, each) for given, value, each in zip((limits, span), place, (own, name), strict=True)
     ]
-    curve, y = _fold_on_its_curve(along_folds(problem, values, first, second), fold, place)
+    curve, y = _fold_on_its_curve(along_folds(problem, values, own, name), point, place)
     options = method or PseudoArclength(angle=5.0, max_points=3000)
-    others = {k: v for k, v in fold.solution.parameters.items() if k not in (first, second)}
+    others = {k: v for k, v in point.solution.parameters.items() if k not in (own, name)}
     back, ahead = _Side(points=[y]), _Side(points=[y])
 
     def result(ending: Ending) -> FoldBranch:
         points = [*back.points[:0:-1], *ahead.points]
         scalars = np.array([curve.unknowns.scalars(point) for point in points])
         return FoldBranch(
-            names=(first, second),
+            names=(own, name),
             first=scalars[:, 0],
             second=scalars[:, 1],
             coefficients=np.array([curve.coefficients(point) for point in points]),
             events=(*back.events[::-1], *ahead.events),
             ends=(back.end or str(ending), ahead.end or str(ending)),
             parameters=others,
+            periods=problem.periods,
+            problem=problem,
         )
 
     work = _both_ways(back, ahead, curve, spans, options)
-    return drive(f"following a fold in {first} and {second}", work, result, name=second, callbacks=callbacks)
+    return drive(f"following a fold in {own} and {name}", work, result, name=name, callbacks=callbacks)
 
 
 def _fold_on_its_curve(curve: Equations, fold: SpecialPoint, place: tuple[float, float]) -> tuple[Equations, Array]:
@@ -111,9 +113,7 @@ def _fold_on_its_curve(curve: Equations, fold: SpecialPoint, place: tuple[float,
     x, values = problem.vector(fold.solution.coefficients), problem.values(fold.solution.parameters)
     null = null_vector(problem.assembly.jacobian(x, values)) if fold.null is None else problem.vector(fold.null)
     guess = curve.unknowns.joined(x, place, null / np.linalg.norm(null))
-    finer = curve.resampled(guess)
-    while finer is not None:
-        curve, finer = finer, finer.resampled(guess)
+    curve = settled(curve, guess)
     found = correct(curve, guess, curve.unknowns.fixing_last(), Newton())
     if not found.converged:
         name = curve.unknowns.free[0].name
@@ -152,16 +152,16 @@ def _both_ways(
     for side, sign in ((ahead, 1.0), (back, -1.0)):
         start = start_point(curve, side.points[0], sign * curve.unknowns.fixing_last())
         walk = Walk(curve, start, options, limits=spans[1], renew=lambda at, point: at.resampled(point.y))
-        for before, after in walk:
+        for before, after in _while_sampled(side, walk):
             event = _event(walk.curve, before, after, options.newton)
             side.events += [event] if event is not None else []
             side.points.append(after.y)
             if not spans[0][0] < curve.unknowns.scalars(after.y)[0] < spans[0][1]:
-                side.end = "end of the first span"
+                side.end = FIRST_SPAN
             elif walk.stop is not None:
                 side.end = _words(walk.stop)
             counts = {"folds": sum(len(s.points) for s in sides), "events": sum(len(s.events) for s in sides)}
-            yield Report(after.parameter, 0.5 * sum(bool(s.end) for s in sides), counts)
+            yield Report(after.value, 0.5 * sum(bool(s.end) for s in sides), counts)
             if side.end:
                 break
         if walk.stop is not None:
@@ -171,8 +171,16 @@ def _both_ways(
             return
 
 
+def _while_sampled(side: _Side, walk: Walk[Equations]) -> Iterator[tuple[Point, Point]]:
+    """Yield the steps of a walk; where the force would take too many samples, that is the side's end."""
+    try:
+        yield from walk
+    except ValueError as error:
+        side.end = str(error)
+
+
 def _words(stop: Stop) -> str:
-    return "end of the second span" if stop is Stop.LIMIT else stop.value
+    return SECOND_SPAN if stop is Stop.LIMIT else stop.value
 
 
 def _event(curve: Equations, before: Point, after: Point, newton: Newton) -> FoldCurvePoint | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,11 +14,12 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import position, real_number, whole_number
+from hbnlp.core.checks import instance_of, position, real_number, whole_number
 from hbnlp.core.kinds import Status
 from hbnlp.core.records import Layout, load_record, save_record
 from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
+from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.equations import Equations, along_parameter
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.solutions.truncation import Estimate
@@ -70,6 +72,11 @@ class ResolvedBranch:
         return int(self.parameter.size)
 
     @property
+    def complete(self) -> bool:
+        """Whether all points of the branch were treated."""
+        return self.message.startswith("all ")
+
+    @property
     def reached(self) -> BoolArray:
         """Whether the tolerance is met, (n_points,)."""
         return np.asarray(self.truncation_error <= self.tolerance)
@@ -103,9 +110,17 @@ class ResolvedBranch:
         save_record(self, path, _LAYOUT)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> ResolvedBranch:
-        """Return what `save` wrote; its solutions have no problem."""
-        return cls(**load_record(path, _LAYOUT))
+    def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> ResolvedBranch:
+        """Return what `save` wrote, with its problem (of any harmonics) if that is given: see `Branch.load`."""
+        resolved = cls(**load_record(path, _LAYOUT))
+        found = np.flatnonzero(np.isfinite(resolved.truncation_error))
+        if problem is not None and found.size:
+            instance_of(
+                "problem", problem, HarmonicBalance, "the HarmonicBalance(system, n_harmonics=...) of the record"
+            )
+            solution = resolved.solution(int(found[0]))
+            check_belongs(problem.with_harmonics(solution.n_harmonics), solution, what="resolved branch")
+        return dataclasses.replace(resolved, problem=problem)
 
     def __repr__(self) -> str:
         extent = f" with {self.n_harmonics.min()} to {self.n_harmonics.max()} harmonics" if len(self) else ""
@@ -200,7 +215,7 @@ class _Resolver:
         self._branch, self._tolerance, self._at_most, self._method = branch, tolerance, at_most, method
         # a branch may begin at rest, where nothing can be measured relative to the solution
         floor = 1e-3 * float(np.linalg.norm(branch.coefficients, axis=(1, 2)).max()) or 1.0
-        values = problem.values(branch.values(0))
+        values = problem.values(branch.solution(0).parameters)
         self._curve = along_parameter(problem, values, branch.name, span=branch.span, floor=floor)
         self._curves = {problem.n_harmonics: self._curve}
         self._points = [self._curve.point(branch.coefficients[i], branch.parameter[i]) for i in range(len(branch))]
@@ -211,7 +226,7 @@ class _Resolver:
         tangent = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
         while True:
             curve = self._with_harmonics(n_harmonics)
-            guess, along = (self._curve.resized(v, curve) for v in (points[i], tangent))
+            guess, along = (curve.carried_from(self._curve, v) for v in (points[i], tangent))
             row = along / curve.scale(guess) ** 2
             found = correct(curve, guess, row / np.linalg.norm(row), self._method)
             finer = curve.resampled(found.y) if found.converged else None
@@ -254,7 +269,7 @@ def _resolved(
         amplitudes=amplitudes,
         output_names=branch.output_names,
         periods=branch.periods,
-        parameters=branch.values(len(branch) - 1),
+        parameters=branch.solution(len(branch) - 1).parameters,
         tolerance=tolerance,
         message=message,
         problem=problem,

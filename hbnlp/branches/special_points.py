@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.kinds import Kind
 from hbnlp.core.types import Array
 from hbnlp.solutions.solution import Solution
@@ -21,8 +22,10 @@ class SpecialPoint:
     Attributes
     ----------
     kind : Kind
+    name : str
+        The continuation parameter.
     value : float
-        The continuation parameter there.
+        Its value there.
     bracket : (float, float)
         Its values at the two points of the branch between which the special point lies.
     index : int
@@ -44,6 +47,7 @@ class SpecialPoint:
     """
 
     kind: Kind
+    name: str
     value: float
     bracket: tuple[float, float]
     index: int
@@ -53,6 +57,11 @@ class SpecialPoint:
     multiplier: complex | None = None
     sensitivity: Mapping[str, float] = field(default_factory=dict)
     breaks: Symmetry | None = None
+
+    @property
+    def problem(self) -> HarmonicBalance | None:
+        """The problem that it is of; None in a branch loaded from a file without one."""
+        return self.solution.problem
 
     def __repr__(self) -> str:
         state = "" if self.refined else " (not refined)"
@@ -77,9 +86,15 @@ def packed(points: Sequence[SpecialPoint], shape: tuple[int, ...]) -> tuple[dict
 
 
 def unpacked(
-    arrays: Mapping[str, Any], entries: Sequence[Mapping[str, Any]], *, output_names: tuple[str, ...], periods: int
+    arrays: Mapping[str, Any],
+    entries: Sequence[Mapping[str, Any]],
+    *,
+    name: str,
+    output_names: tuple[str, ...],
+    periods: int,
+    problem: HarmonicBalance | None,
 ) -> tuple[SpecialPoint, ...]:
-    """Return the special points of what `packed` made."""
+    """Return the special points of what `packed` made, on a branch in the parameter ``name``."""
     points = []
     for i, entry in enumerate(entries):
         null = arrays["special_null"][i]
@@ -90,10 +105,12 @@ def unpacked(
             statistics=entry["statistics"],
             output_names=output_names,
             periods=periods,
+            problem=problem,
         )
         points.append(
             SpecialPoint(
                 kind=Kind[entry["kind"]],
+                name=name,
                 value=entry["value"],
                 bracket=(entry["bracket"][0], entry["bracket"][1]),
                 index=entry["index"],

@@ -13,13 +13,13 @@ from hbnlp.branches.branch import Branch
 from hbnlp.continuation.curve import TINY, relative_residual
 from hbnlp.continuation.point import Point, start_point
 from hbnlp.core.types import Array
+from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.cold_start import linear_guess
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.solutions.solving import solve
 from hbnlp.stability.result import Floquet
 
-RESUMABLE_RESIDUAL = 1e-6
 SOLVED = 1e-9
 """A start whose residual is below this part of its terms is a solution, also at a fold, where Newton's method fails."""
 
@@ -46,13 +46,16 @@ def fresh_start(
     at: Mapping[str, float] | None,
     start: Solution | ArrayLike | None,
     direction: int,
-    away_from: Solution | None,
 ) -> Start:
-    """Return the start at a solution, which is solved for where there is none, towards the side that was asked for."""
+    """Return the start at a solution, which is solved for where there is none.
+
+    It leads away from where the solution was switched to, otherwise towards the side that was asked for.
+    """
     curve, first = _first(problem, name, span, at, start)
     heading = direction * np.sign(span[1] - span[0]) * curve.unknowns.fixing_last()
-    if away_from is not None:
-        heading = first - curve.point(_coefficients(curve.problem, away_from), away_from.parameters[name])
+    origin = start.origin if isinstance(start, Solution) else None
+    if origin is not None:
+        heading = first - curve.point(_coefficients(curve.problem, origin), origin.parameters[name])
     point = start_point(curve, first, heading)
     return Start(curve, point, point)
 
@@ -64,6 +67,7 @@ def resumed_start(
     branch: Branch,
     *,
     at: Mapping[str, float] | None,
+    direction: int,
     stability: Floquet | None,
 ) -> Start:
     """Return the start at the last point of a branch, on its way.
@@ -73,23 +77,16 @@ def resumed_start(
     ValueError
         If the branch is not of this problem, parameter, or stability.
     """
-    _check_resumable(problem, name, at, branch, stability)
+    _check_resumable(name, at, branch, stability)
     last = branch.solution(len(branch) - 1)
-    curve = along_parameter(problem, problem.values(last.parameters), name, span=span)
-    residual = relative_residual(curve, curve.point(last.coefficients, last.parameters[name]))
-    if residual > RESUMABLE_RESIDUAL:
-        raise ValueError(
-            f"the last point of the branch has the residual {residual:.1e} in this system, more than "
-            f"{RESUMABLE_RESIDUAL:.0e}: give the system that the branch was traced with"
-        )
+    check_belongs(problem, last, what="branch", where="the last point of ")
+    if len(branch) == 1:
+        return fresh_start(problem, name, span, at=branch.parameters, start=last, direction=direction)
     curve, first = _first(problem, name, span, branch.parameters, last)
-    points = [curve.point(branch.coefficients[i], branch.parameter[i]) for i in range(len(branch))]
-    if len(points) == 1:
-        point = start_point(curve, first, np.sign(span[1] - span[0]) * curve.unknowns.fixing_last())
-        return Start(curve, point, point)
+    points = [curve.point(branch.coefficients[i], branch.parameter[i]) for i in (0, 1, -2)]
     return Start(
         curve,
-        start_point(curve, first, first - points[-2]),
+        start_point(curve, first, first - points[2]),
         start_point(curve, points[0], points[1] - points[0]),
         float(branch.arclength[-1] - branch.arclength[-2]),
     )
@@ -113,7 +110,7 @@ def _first(
     values = problem.values(given)
     x = guess_for(problem, start) if isinstance(start, Solution) else None
     if x is None or not _is_solution(problem, x, values):
-        found = solve(problem, at=given, guess=start)
+        found = solve(problem, at=given, start=start)
         assert found.problem is not None
         problem, x = found.problem, found.coefficients.ravel()
     curve = along_parameter(problem, values, name, span=span, floor=_smallest_solution(problem, values, name, span, x))
@@ -157,25 +154,12 @@ def checked_span(problem: HarmonicBalance, name: str, span: Span) -> Span:
     return begin, end
 
 
-def _check_resumable(
-    problem: HarmonicBalance, name: str, at: Mapping[str, float] | None, branch: Branch, stability: Floquet | None
-) -> None:
+def _check_resumable(name: str, at: Mapping[str, float] | None, branch: Branch, stability: Floquet | None) -> None:
     if (branch.multipliers is None) != (stability is None):
         how, give = ("without", "stability=None") if branch.multipliers is None else ("with", "stability=Floquet()")
         raise ValueError(f"the branch was traced {how} multipliers: resume it with {give}, or trace it anew")
     if branch.name != name:
         raise ValueError(f"the branch was traced in {branch.name!r}, not in {name!r}; resume it in the same parameter")
-    shape = branch.coefficients.shape[1:]
-    if shape != problem.shape or branch.periods != problem.periods:
-        raise ValueError(
-            f"the branch has coefficients of shape {shape} and {branch.periods} period(s), the problem "
-            f"{problem.shape} and "
-            f"{problem.periods}: give a problem of the same system and harmonics"
-        )
-    if branch.parameter_names != problem.system.parameters.names:
-        raise ValueError(
-            f"the branch has parameters {branch.parameter_names}, the system {problem.system.parameters.names}"
-        )
     for key, value in (at or {}).items():
         if key != name and branch.parameters.get(key) != value:
             raise ValueError(f"parameter {key!r} is {value!r} here but {branch.parameters.get(key)!r} on the branch")

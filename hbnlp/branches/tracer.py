@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
+from hbnlp.branches.collecting import Traced, make_branch
 from hbnlp.branches.detection import Detector
-from hbnlp.branches.recording import Traced, make_branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.starting import checked_span, fresh_start, resumed_start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
@@ -19,12 +19,14 @@ from hbnlp.continuation.walk import Walk
 from hbnlp.core.checks import instance_of
 from hbnlp.core.interrupts import guarded
 from hbnlp.core.kinds import End, Kind
-from hbnlp.solutions.solution import Solution
+from hbnlp.core.renamed import renamed_arguments
+from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
 from hbnlp.systems.linear_stability import check_linear_stability
 
 DEFAULT_STABILITY = Floquet()
+AWAY_FROM = "hbnlp.trace(start, ...): a start from switch_branch knows where it leads away from, its origin"
 
 _ENDS = {
     Stop.CLOSED: End.CLOSED,
@@ -46,24 +48,24 @@ class Tracer:
     options : PseudoArclength
     """
 
+    @renamed_arguments(problem="subject", away_from=AWAY_FROM)
     def __init__(
         self,
-        problem: HarmonicBalance,
+        subject: HarmonicBalance | Solution,
         name: str,
         span: tuple[float, float],
         *,
         at: Mapping[str, float] | None = None,
         start: Solution | ArrayLike | None = None,
         direction: int = 1,
-        away_from: Solution | None = None,
         stability: Floquet | None = DEFAULT_STABILITY,
         method: PseudoArclength | None = None,
         resume: Branch | None = None,
     ) -> None:
-        instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+        problem, start = _problem_and_start(subject, start)
         instance_of("stability", stability, Floquet | None, "Floquet(...), or None for off")
         instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
-        instance_of("resume", resume, Branch | None, "a Branch, from a file hbnlp.load_branch(path)")
+        instance_of("resume", resume, Branch | None, "a Branch, from a file Branch.load(path)")
         self.name = name
         self.span = checked_span(problem, name, span)
         self.options = method or PseudoArclength()
@@ -73,9 +75,9 @@ class Tracer:
         self._resumed = resume
         self._n_folds = len(resume.folds) if resume is not None else 0
         if resume is not None:
-            begin = resumed_start(problem, name, self.span, resume, at=at, stability=stability)
+            begin = resumed_start(problem, name, self.span, resume, at=at, direction=direction, stability=stability)
         else:
-            begin = fresh_start(problem, name, self.span, at=at, start=start, direction=direction, away_from=away_from)
+            begin = fresh_start(problem, name, self.span, at=at, start=start, direction=direction)
         evaluator = None if stability is None else FloquetEvaluator.of(problem, stability)
         self._detector = Detector(evaluator, self.options.newton)
         low, high = sorted(self.span)
@@ -108,7 +110,7 @@ class Tracer:
         if self._resumed is not None and self._resumed.closed:
             return End.CLOSED
         if self._walk.stop is Stop.LIMIT:
-            return End.SPAN_END if self._walk.point.parameter == self.span[1] else End.SPAN_START
+            return End.SPAN_END if self._walk.point.value == self.span[1] else End.SPAN_START
         return _ENDS[self._walk.stop] if self._walk.stop is not None else None
 
     @property
@@ -153,9 +155,21 @@ class Tracer:
         """Refuse a way out of the span, and warn of a system that is unstable about rest."""
         if self._walk.stop is Stop.LIMIT:
             raise ValueError(
-                f"the start lies at {self.name} = {point.parameter:g}, an end of the span {self.span}, and the way "
+                f"the start lies at {self.name} = {point.value:g}, an end of the span {self.span}, and the way "
                 "first taken leads out of it: turn the direction round, or widen the span"
             )
         system = self.problem.system
         if not ca.depends_on(system.force, system.tau):
             check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
+
+
+def _problem_and_start(
+    subject: HarmonicBalance | Solution, start: Solution | ArrayLike | None
+) -> tuple[HarmonicBalance, Solution | ArrayLike | None]:
+    """Return the problem and where to start: a solution is both."""
+    if isinstance(subject, Solution):
+        if start is not None:
+            raise TypeError("the solution in the problem's place is the start already; leave out start=")
+        return attached(subject), subject
+    instance_of("subject", subject, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...), or a Solution")
+    return subject, start

@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
-from hbnlp.branches.tracer import DEFAULT_STABILITY, Tracer
+from hbnlp.branches.tracer import AWAY_FROM, DEFAULT_STABILITY, Tracer
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import list_of_callables
 from hbnlp.core.kinds import End
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.tasks import INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.solutions.solution import Solution
 from hbnlp.stability.result import Floquet
@@ -22,15 +23,15 @@ from hbnlp.stability.result import Floquet
 logger = logging.getLogger(__name__)
 
 
+@renamed_arguments(problem="subject", away_from=AWAY_FROM)
 def trace(
-    problem: HarmonicBalance,
+    subject: HarmonicBalance | Solution,
     name: str,
     span: tuple[float, float],
     *,
     at: Mapping[str, float] | None = None,
     start: Solution | ArrayLike | None = None,
     direction: int = 1,
-    away_from: Solution | None = None,
     stability: Floquet | None = DEFAULT_STABILITY,
     method: PseudoArclength | None = None,
     callbacks: Callbacks = (),
@@ -40,7 +41,8 @@ def trace(
 
     Parameters
     ----------
-    problem : HarmonicBalance
+    subject : HarmonicBalance or Solution
+        The problem; or a solution of it, where to begin within the span, at its parameters and away from its origin.
     name : str
         The continuation parameter.
     span : (float, float)
@@ -49,11 +51,10 @@ def trace(
         Values of the other parameters. One of the continuation parameter itself, within the span, is where a cold start
         is made, or a ``start`` is solved again.
     start : Solution or array (n_dof, 2H+1), optional
-        Where to begin within the span. By default a cold start at ``span[0]``, see `hbnlp.solve`.
+        Where to begin within the span. By default a cold start at ``span[0]``, see `hbnlp.solve`. A solution that was
+        switched to leads away from where it was switched.
     direction : 1 or -1
         Which way to go first from a start: towards the end of the span or away from it.
-    away_from : Solution, optional
-        Go away from this neighbour of the start instead, for instance from the branch point that it was switched at.
     stability : Floquet or None
         Options of the Floquet analysis of every point; None: off.
     method : PseudoArclength, optional
@@ -84,13 +85,12 @@ def trace(
     """
     list_of_callables("callbacks", callbacks)
     tracer = Tracer(
-        problem,
+        subject,
         name,
         span,
         at=at,
         start=start,
         direction=direction,
-        away_from=away_from,
         stability=stability,
         method=method,
         resume=resume,
@@ -99,7 +99,7 @@ def trace(
 
     def work() -> Iterator[Report]:
         for traced in tracer:
-            value = traced.point.parameter
+            value = traced.point.value
             yield Report(value, reached.at(value), {"points": tracer.n_points, "folds": tracer.n_folds})
 
     def result(ending: Ending) -> Branch:

@@ -18,7 +18,7 @@ import numpy as np
 from hbnlp.continuation.acceptance import accepted
 from hbnlp.continuation.curve import Curve
 from hbnlp.continuation.newton import Newton
-from hbnlp.continuation.point import Point, finish
+from hbnlp.continuation.point import Point, carried, finish
 from hbnlp.core.types import Array
 
 MANY_ITERATIONS = 6
@@ -147,9 +147,21 @@ class Continuation(Generic[C]):
         raise StopContinuation(reason)
 
     def resume_on(self, curve: C) -> None:
-        """Go on along another curve through the last point, as nearly: with more samples of a force, say."""
-        base = self.point
-        again = finish(curve, base.y, base.tangent / base.scale**2, base, self.options.newton) or base
+        """Go on from the last point along another curve, whose own point nearest to it is found first.
+
+        Raises
+        ------
+        StopContinuation
+            If there is none.
+        """
+        base = carried(self.point, self.curve, curve)
+        row = base.tangent / base.scale**2
+        fresh = dataclasses.replace(base, factors=None)
+        again = finish(curve, base.y, row, base, self.options.newton) or finish(
+            curve, base.y, row, fresh, self.options.newton
+        )
+        if again is None:
+            raise StopContinuation(Stop.STEP_TOO_SMALL)
         self.point = dataclasses.replace(again, arclength=base.arclength)
         self.curve, self._before, self._bend = curve, None, np.zeros_like(self.point.y)
 
@@ -158,16 +170,16 @@ class Continuation(Generic[C]):
         if limits is not None and not limits[0] <= guess[-1] <= limits[1]:
             return self._onto_limit(base, step, limits)
         trial = self.at(base, step)
-        if trial is not None and limits is not None and not limits[0] <= trial.parameter <= limits[1]:
+        if trial is not None and limits is not None and not limits[0] <= trial.value <= limits[1]:
             return self._onto_limit(base, step, limits)
         return trial
 
     def _onto_limit(self, base: Point, step: float, limits: tuple[float, float]) -> Point | None:
         """Return the point where the curve meets the limit ahead, or None if it does not do so within the step."""
         bound = limits[1] if base.tangent[-1] > 0.0 else limits[0]
-        if base.tangent[-1] == 0.0 or base.parameter == bound:
+        if base.tangent[-1] == 0.0 or base.value == bound:
             return self.at(base, step)
-        length = min(step, (bound - base.parameter) / base.tangent[-1])
+        length = min(step, (bound - base.value) / base.tangent[-1])
         guess = base.y + length * base.tangent
         guess[-1] = bound
         row = np.zeros(guess.size)

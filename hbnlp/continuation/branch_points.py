@@ -47,7 +47,7 @@ class BranchPoint:
     residual: float
 
     @property
-    def parameter(self) -> float:
+    def value(self) -> float:
         """Value of the continuation parameter."""
         return float(self.y[-1])
 

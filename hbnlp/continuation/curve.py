@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import lapack
@@ -32,6 +32,10 @@ class Curve(Protocol):
 
     def term_size(self, y: Array) -> float:
         """Return the size of the terms whose sum is R."""
+        ...
+
+    def carried_from(self, other: Any, y: Array) -> Array:
+        """Return a point or direction of another curve, of the same kind, in this one's unknowns."""
         ...
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from hbnlp.continuation.branch_points import BranchPoint
 from hbnlp.continuation.curve import Bordered, Curve, null_vector, relative_residual
 from hbnlp.continuation.newton import Newton, correct
+from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array
 
 
@@ -29,9 +32,12 @@ class Point:
     factors: Bordered | None = field(default=None, repr=False, compare=False)
 
     @property
-    def parameter(self) -> float:
+    def value(self) -> float:
         """Value of the continuation parameter."""
         return float(self.y[-1])
+
+    def __getattr__(self, name: str) -> Any:
+        raise renamed_name("Point", name, {"parameter": "value"})
 
 
 def start_point(curve: Curve, y: Array, toward: Array) -> Point:
@@ -54,6 +60,15 @@ def start_point(curve: Curve, y: Array, toward: Array) -> Point:
         residual=relative_residual(curve, y),
         factors=factors,
     )
+
+
+def carried(point: Point, curve: Curve, other: Curve) -> Point:
+    """Return a point of a curve as another curve sees it, with its own unknowns; it need not lie on that one."""
+    y, tangent = (other.carried_from(curve, v) for v in (point.y, point.tangent))
+    scale = other.scale(y)
+    tangent = tangent / np.linalg.norm(tangent / scale)
+    factors = point.factors if y.size == point.y.size else None
+    return dataclasses.replace(point, y=y, tangent=tangent, scale=scale, factors=factors)
 
 
 def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton) -> Point | None:

@@ -9,7 +9,7 @@ from typing import Generic
 import numpy as np
 
 from hbnlp.continuation.arclength import C, Continuation, PseudoArclength, Stop, StopContinuation
-from hbnlp.continuation.point import Point
+from hbnlp.continuation.point import Point, carried
 
 FEWEST_POINTS = 4
 """A curve with fewer points behind it is not looked at for closing on itself."""
@@ -32,7 +32,8 @@ class Walk(Generic[C]):
         Range of the continuation parameter, the last unknown: a step across its end is cut to end on it.
     renew : callable (curve, point) -> curve or None, optional
         Asked at the end of each step for another curve to go on with, where this one does not serve there (with more
-        samples of a force); the step is then made again on it, so that both its ends lie on one curve. None: go on.
+        samples of a force); the step is then made again on it, so that both its ends lie on one curve. None: go on. The
+        curve carries points over (`Curve.carried_from`), so that it may have other unknowns: more harmonics.
     origin : Point, optional
         Where the curve began, by default the start: coming back to it in the same direction ends the walk.
     n_points : int
@@ -89,10 +90,10 @@ class Walk(Generic[C]):
 
     def leaves(self, point: Point) -> bool:
         """Return whether a point lies on a limit and its tangent leads out."""
-        if self._limits is None or point.parameter not in self._limits:
+        if self._limits is None or point.value not in self._limits:
             return False
         low, high = self._limits
-        outward = low - high if point.parameter == low else high - low
+        outward = low - high if point.value == low else high - low
         return bool(point.tangent[-1] * outward > 0.0)
 
     def __iter__(self) -> Iterator[tuple[Point, Point]]:
@@ -109,13 +110,17 @@ class Walk(Generic[C]):
                 return
             other = self._renew(self.curve, after) if self._renew is not None else None
             if other is not None:
+                self._origin = carried(self._origin, self.curve, other)
                 self._stepper.point = before
-                self._stepper.resume_on(other)
+                try:
+                    self._stepper.resume_on(other)
+                except StopContinuation as stop:
+                    self.stop = stop.reason
                 continue
             again = self._closing(before, after)
             if again is not None:
                 self.stop = Stop.CLOSED
-            elif self._limits is not None and after.parameter in self._limits:
+            elif self._limits is not None and after.value in self._limits:
                 self.stop = Stop.LIMIT
             self.n_points += 1
             yield before, again or after

@@ -1,5 +1,7 @@
 """Enumerations: what happens at a point, why a branch ends, what became of a solve."""
 
+from __future__ import annotations
+
 import enum
 
 
@@ -8,18 +10,53 @@ class Status(enum.Enum):
 
     CONVERGED = "converged"
     NOT_CONVERGED = (
-        "not converged: try another guess (a neighbouring solution), fewer harmonics first, or method=hbnlp.Ipopt()"
+        "not converged: try another start (a neighbouring solution), fewer harmonics first, or method=hbnlp.Ipopt()"
     )
 
 
 class Kind(enum.Enum):
-    """What happens at a special point."""
+    """What happens at a special point; `code` has the letters by which AUTO and MatCont call it."""
 
     FOLD = "fold"
     BRANCH_POINT = "branch point"
     PERIOD_DOUBLING = "period doubling"
     NEIMARK_SACKER = "Neimark-Sacker"
+    HOPF = "Hopf"
     PEAK = "peak"
+
+    @property
+    def code(self) -> str:
+        """LP, BP, PD, NS, HB; EP for a peak, an extreme point."""
+        return _CODES[self][0]
+
+    @classmethod
+    def of(cls, kind: Kind | str) -> Kind:
+        """Return a kind by its word ("fold") or by a code, in small or capital letters.
+
+        LP, BP, PD, NS (TR in AUTO), HB (H in MatCont) and EP are known.
+
+        Raises
+        ------
+        ValueError
+            If there is no such kind.
+        """
+        if isinstance(kind, cls):
+            return kind
+        for each, codes in _CODES.items():
+            if isinstance(kind, str) and kind.casefold() in {each.value.casefold(), *(c.casefold() for c in codes)}:
+                return each
+        known = ", ".join(f"{each.value!r} ({' or '.join(codes)})" for each, codes in _CODES.items())
+        raise ValueError(f"kind is {kind!r}; give a Kind, or one of {known}")
+
+
+_CODES = {
+    Kind.FOLD: ("LP",),
+    Kind.BRANCH_POINT: ("BP",),
+    Kind.PERIOD_DOUBLING: ("PD",),
+    Kind.NEIMARK_SACKER: ("NS", "TR"),
+    Kind.HOPF: ("HB", "H"),
+    Kind.PEAK: ("EP",),
+}
 
 
 class End(enum.Enum):
@@ -39,6 +76,11 @@ class End(enum.Enum):
     ERROR = "an error was raised"
     STOPPED = "stopped by a callback; resume it"
 
+    @property
+    def complete(self) -> bool:
+        """Whether all that was asked for is there: the span traced to an end, or the branch closed."""
+        return self in (End.SPAN_END, End.SPAN_START, End.CLOSED)
+
 
 class FoldEvent(enum.Enum):
     """What happens to the response where a fold curve is stationary in its second parameter."""
@@ -46,3 +88,11 @@ class FoldEvent(enum.Enum):
     CUSP = "cusp"
     ISOLA_BIRTH = "isola birth"
     ISOLA_MERGE = "isola merge"
+
+    @classmethod
+    def of(cls, kind: FoldEvent | str) -> FoldEvent:
+        """Return an event by its word; a ValueError names those that are known."""
+        for each in cls:
+            if kind is each or kind == each.value:
+                return each
+        raise ValueError(f"kind is {kind!r}; give a FoldEvent, or one of {', '.join(repr(each.value) for each in cls)}")

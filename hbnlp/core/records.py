@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import os
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
+from hbnlp.core.checks import unknown_name
 from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.types import Array
 
 
 class Layout(NamedTuple):
-    """How a kind of record lies in its file: which of its attributes are arrays, and which go into the metadata."""
+    """How a kind of record lies in its file: which of its attributes are arrays, and which go into the metadata.
+
+    Those of the arrays that are ``optional`` may be None, and lack in files of earlier versions.
+    """
 
     kind: str
     arrays: tuple[str, ...]
     metadata: tuple[str, ...]
+    optional: tuple[str, ...] = ()
 
 
 def save_record(record: Any, path: str | os.PathLike[str], layout: Layout) -> None:
@@ -24,9 +33,7 @@ def save_record(record: Any, path: str | os.PathLike[str], layout: Layout) -> No
     SaveError
         If the file cannot be written.
     """
-    columns = {name: getattr(record, name) for name in layout.arrays}
-    arrays = {name: column for name, column in columns.items() if column is not None}
-    save_arrays(path, layout.kind, arrays, {name: _plain(getattr(record, name)) for name in layout.metadata})
+    save_arrays(path, layout.kind, *parts_of(record, layout))
 
 
 def load_record(path: str | os.PathLike[str], layout: Layout) -> dict[str, Any]:
@@ -39,12 +46,57 @@ def load_record(path: str | os.PathLike[str], layout: Layout) -> dict[str, Any]:
     ValueError
         If the file is damaged, holds something else, or lacks a part.
     """
-    arrays, metadata = load_arrays(path, layout.kind)
+    return attributes_of(path, *load_arrays(path, layout.kind), layout)
+
+
+def parts_of(record: Any, layout: Layout) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what a layout names of a record: arrays, those that are None left out, and metadata."""
+    columns = {name: getattr(record, name) for name in layout.arrays}
+    arrays = {name: column for name, column in columns.items() if column is not None}
+    return arrays, {name: _plain(getattr(record, name)) for name in layout.metadata}
+
+
+def attributes_of(
+    path: str | os.PathLike[str], arrays: Mapping[str, Any], metadata: Mapping[str, Any], layout: Layout
+) -> dict[str, Any]:
+    """Return the attributes that a layout names from what a file holds; a ValueError says which one it lacks."""
     for name in (*layout.arrays, *layout.metadata):
-        if name not in arrays and name not in metadata:
+        if name not in arrays and name not in metadata and name not in layout.optional:
             raise ValueError(f"{os.fspath(path)!r} has no {name!r}; it is damaged, or from another version")
-    content = {name: arrays[name] for name in layout.arrays}
+    content: dict[str, Any] = {name: arrays.get(name) for name in layout.arrays}
     return content | {name: tuple(v) if isinstance(v := metadata[name], list) else v for name in layout.metadata}
+
+
+class Along(Protocol):
+    """A record along values of one parameter."""
+
+    @property
+    def name(self) -> str:
+        """The parameter that varies."""
+        ...
+
+    @property
+    def parameter(self) -> Array:
+        """Its values."""
+        ...
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values of the others."""
+        ...
+
+
+def values_along(record: Along, name: str) -> Array:
+    """Return the values of a parameter at all points of a record, (n_points,)."""
+    if not isinstance(name, str):
+        raise TypeError(
+            f"values({name!r}): give the name of a parameter; those of one point are solution({name!r}).parameters"
+        )
+    if name == record.name:
+        return record.parameter
+    if name not in record.parameters:
+        raise KeyError(unknown_name("parameter", name, [record.name, *record.parameters]))
+    return np.full(record.parameter.size, record.parameters[name])
 
 
 def _plain(value: Any) -> Any:

@@ -98,8 +98,7 @@ def drive(
     work : iterable of Report
         Each step is done with `interrupts_kept`.
     result : callable
-        Makes the record of what there is, from the word for how it ended (`UNDER_WAY` for a callback that asks). Its
-        length is the first of the counts that the task reports.
+        Makes the record of what there is, from the word for how it ended (`UNDER_WAY` for a callback that asks).
     callbacks : sequence of callables
 
     Raises
@@ -126,6 +125,9 @@ def drive(
     record = result(ending)
     observers.finish(record)
     if ending is not COMPLETE:
-        what = next(iter(report.counts)) if report is not None else "steps"
-        logger.warning("%s was %s after %d %s. %s", task, ending, len(record), what, getattr(record, "message", ""))
+        message = str(getattr(record, "message", ""))
+        if not message.startswith(f"{ending} after"):
+            what = next(iter(report.counts)) if report is not None else "steps"
+            message = f"{ending} after {len(record)} {what}"
+        logger.warning("%s: %s", task, message)
     return record

@@ -32,13 +32,15 @@ class Optimum:
     """What a program found: ``values`` of the variables, the objective, and a Solution for each response.
 
     ``multipliers`` holds an array for each bound, by its name: minus the derivative of the objective by the limit that
-    is active, hence negative at lower limits, positive at upper ones, and zero at neither.
+    is active, hence negative at lower limits, positive at upper ones, and zero at neither. ``lam_g`` has all of them as
+    CasADi does: those of the responses' equations first, then those of the bounds.
     """
 
     values: dict[str, float]
     objective: float
     solutions: tuple[Solution, ...] = field(repr=False)
     multipliers: dict[str, Array] = field(repr=False)
+    lam_g: Array = field(repr=False)
     converged: bool
     message: str
     iterations: int
@@ -127,7 +129,7 @@ class Program:
         box[: len(over.names)] = over.limits / over.scale[:, None]
         (lbx, ubx), (lbg, ubg) = box.T, self._limits.T
         answer = self._solver(x0=x0, p=given, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
-        y, g, multipliers = (answer[key].full().ravel() for key in ("x", "g", "lam_g"))
+        y, g, lam_g = (answer[key].full().ravel() for key in ("x", "g", "lam_g"))
         states = [e.full().ravel() for e in self._states.call([y, given])]
         points = list(zip((r.problem for r in self.responses), states[::2], states[1::2], strict=True))
         stats, message = self._solver.stats(), "converged"
@@ -145,7 +147,8 @@ class Program:
             },
             objective=float(answer["f"]),
             solutions=tuple(make_solution(*point) for point in points),
-            multipliers={name: multipliers[rows] for name, rows in self._rows.items()},
+            multipliers={name: lam_g[rows] for name, rows in self._rows.items()},
+            lam_g=lam_g,
             converged=message == "converged",
             message=message,
             iterations=int(stats["iter_count"]),

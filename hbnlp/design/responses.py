@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -17,6 +17,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.kinds import Kind
+from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array
 from hbnlp.design.variables import Variables
 from hbnlp.solutions.solution import Solution
@@ -42,9 +43,12 @@ class Response:
         """Return an expression of the problem's symbols at this response."""
         return ca.Function("here", [self.problem.x, self.problem.p], [expression])(self.x, self.p)
 
-    def parameter(self, name: str) -> ca.MX:
+    def symbol(self, name: str) -> ca.MX:
         """Return a parameter here: a number, a variable, or the free parameter of a fold."""
         return self.p[self.problem.system.parameters.index(name)]
+
+    def __getattr__(self, name: str) -> Any:
+        raise renamed_name("Response", name, {"parameter": "response.symbol(name)"})
 
 
 def response_at(
@@ -89,7 +93,7 @@ def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, 
     fold : SpecialPoint
         A refined fold in ``name``.
     name : str
-        The parameter whose value at the fold is an unknown of the program: ``response.parameter(name)``.
+        The parameter whose value at the fold is an unknown of the program: ``response.symbol(name)``.
 
     Returns
     -------

@@ -46,6 +46,16 @@ class Identified:
     optimum: Optimum = field(repr=False)
 
     @property
+    def converged(self) -> bool:
+        """Whether the fit was found."""
+        return self.optimum.converged
+
+    @property
+    def message(self) -> str:
+        """What became of it."""
+        return self.optimum.message
+
+    @property
     def standard_errors(self) -> dict[str, float]:
         """Standard deviation of each variable."""
         return {name: float(error) for name, error in zip(self.values, np.sqrt(np.diag(self.covariance)), strict=True)}

@@ -63,6 +63,11 @@ class TimeResponse:
     message: str
 
     @property
+    def converged(self) -> bool:
+        """Whether the response became periodic."""
+        return self.periodic
+
+    @property
     def omega(self) -> float:
         """Frequency of the forcing."""
         return self.parameters["omega"]
@@ -162,6 +167,6 @@ def _ending(defect: float, periodic_tol: float, n_periods: int, periods: int) ->
         return f"the state repeats itself to {defect:.1e} (tolerance {periodic_tol:.1e})"
     return (
         f"not periodic after {n_periods} periods: the state still changes by {defect:.1e} over {periods} of them "
-        f"(tolerance {periodic_tol:.1e}); raise max_periods, start nearer (initial=), or, if the change does not fall, "
+        f"(tolerance {periodic_tol:.1e}); raise max_periods, start nearer (start=), or, if the change does not fall, "
         f"try periods={2 * periods}: the response may be subharmonic, or not periodic at all"
     )

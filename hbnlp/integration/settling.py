@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 from hbnlp.core.callbacks import Callbacks, StopTracing
 from hbnlp.core.checks import instance_of, list_of_callables, real_number, whole_number
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.tasks import Observers, Report
 from hbnlp.core.types import Array
 from hbnlp.fourier import to_complex
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
 from hbnlp.integration.response import TimeResponse, project, respond
 from hbnlp.integration.runge_kutta import RungeKutta4
-from hbnlp.systems.excitation import MOTION_SAMPLES
+from hbnlp.systems.excitation_samples import MOTION_SAMPLES
 from hbnlp.systems.lags import periodic_lag_states
 from hbnlp.systems.system import System
 
@@ -59,35 +60,36 @@ def state_of(system: System, coefficients: ArrayLike, values: ArrayLike, periods
     return np.concatenate([q_h.real.sum(axis=1), (s * q_h).real.sum(axis=1), lags])
 
 
-def initial_state(system: System, initial: Any, values: Array, periods: int) -> Array:
-    """Return the state that `integrate` starts from: see there for what ``initial`` may be."""
-    if initial is None:
+def initial_state(system: System, start: Any, values: Array, periods: int) -> Array:
+    """Return the state that `integrate` starts from: see there for what ``start`` may be."""
+    if start is None:
         return np.zeros(system.n_state)
-    if isinstance(initial, TimeResponse):
-        initial = initial.state
-    elif hasattr(initial, "coefficients"):
-        point = system.parameters.values(getattr(initial, "parameters", None) or system.parameters.as_dict(values))
-        its_periods: int = getattr(initial, "periods", 0) or getattr(getattr(initial, "problem", None), "periods", 1)
-        return state_of(system, initial.coefficients, point, its_periods)
-    state = np.asarray(initial, dtype=float)
+    if isinstance(start, TimeResponse):
+        start = start.state
+    elif hasattr(start, "coefficients"):
+        point = system.parameters.values(getattr(start, "parameters", None) or system.parameters.as_dict(values))
+        its_periods: int = getattr(start, "periods", 0) or getattr(getattr(start, "problem", None), "periods", 1)
+        return state_of(system, start.coefficients, point, its_periods)
+    state = np.asarray(start, dtype=float)
     if state.ndim == 2:
         return state_of(system, state, values, periods)
     if state.shape != (system.n_state,):
         raise ValueError(
-            f"initial has shape {state.shape}; ({system.n_state},) is needed, (q, q', x) of {system.n_dof} degrees of "
+            f"start has shape {state.shape}; ({system.n_state},) is needed, (q, q', x) of {system.n_dof} degrees of "
             f"freedom and {system.n_lags} lag states, or ({system.n_dof}, 2H+1) for Fourier coefficients"
         )
     if not np.all(np.isfinite(state)):
-        raise ValueError("initial has entries that are not finite")
+        raise ValueError("start has entries that are not finite")
     return state.copy()
 
 
+@renamed_arguments(initial="start")
 def integrate(
     system: System,
     *,
     at: Mapping[str, float] | None = None,
     method: Method = AUTOMATIC,
-    initial: Any = None,
+    start: Any = None,
     periods: int = 1,
     max_periods: int = 2000,
     periodic_tol: float = 1e-8,
@@ -103,7 +105,7 @@ def integrate(
         Parameter values that differ from the system's own.
     method : RungeKutta4 or Adaptive
         The integration method; RungeKutta4() by default.
-    initial : array (n_state,), array (n, 2H+1), solution or TimeResponse, optional
+    start : array (n_state,), array (n, 2H+1), solution or TimeResponse, optional
         The state (q, q', x) at tau = 0, rest by default; Fourier coefficients of the displacements (harmonics of
         ``omega / periods``), or a solution that has them as ``.coefficients``, stand for the state of their periodic
         motion (`state_of`).
@@ -137,7 +139,7 @@ def integrate(
 
     Examples
     --------
-    >>> response = integrate(system, at={"omega": 1.2}, method=Adaptive(), initial=[2.5, 0.0])  # doctest: +SKIP
+    >>> response = integrate(system, at={"omega": 1.2}, method=Adaptive(), start=[2.5, 0.0])  # doctest: +SKIP
     >>> abs(response.harmonics("x")[1])  # doctest: +SKIP
     """
     instance_of("system", system, System, "a System, such as problem.system")
@@ -145,7 +147,7 @@ def integrate(
     list_of_callables("callbacks", callbacks)
     check_limits(periods, max_periods, periodic_tol)
     values = system.parameters.values(at)
-    state = initial_state(system, initial, values, periods)
+    state = initial_state(system, start, values, periods)
     observers = Observers(callbacks, "integrating", "change")
     response = settle(
         FirstOrderForm(system),

@@ -32,7 +32,7 @@ def linear_guess(problem: HarmonicBalance, values: Array) -> Array:
         if not np.all(np.isfinite(array)):
             raise NonFiniteError(
                 f"the {what} of nonlinear_force, of forcing or of a matrix is not finite at rest "
-                f"(q = 0, {problem.system.parameters.as_dict(values)}): smooth it there, or give a guess"
+                f"(q = 0, {problem.system.parameters.as_dict(values)}): smooth it there, or give a start"
             )
     return np.asarray(-np.linalg.lstsq(jacobian, residual, rcond=None)[0])
 
@@ -79,6 +79,6 @@ def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array 
     for toward in (full, -start_point(curve, rest.y, full).tangent):
         walk = Walk(curve, start_point(curve, rest.y, toward), PseudoArclength(max_points=2000), limits=(-1.0, 1.0))
         for _before, after in walk:
-            if after.parameter == 1.0:
+            if after.value == 1.0:
                 return curve.unknowns.coefficients(after.y)
     return None

@@ -8,6 +8,7 @@ import numpy as np
 
 from hbnlp.balance.assembly import Assembly
 from hbnlp.core.types import Array
+from hbnlp.fourier import resize
 
 
 class At(NamedTuple):
@@ -35,11 +36,23 @@ class Condition(Protocol):
         """Return the rows (n_rows,)."""
         ...
 
-    def jacobian(self, at: At, balance: Array, out: Array, parameters: tuple[int | None, ...]) -> None:
-        """Write their derivative by all unknowns into zeros ``out`` (n_rows, n).
+    def jacobian(
+        self,
+        at: At,
+        balance: Array,
+        by_x: Array,
+        by_added: Array,
+        by_scalars: Array,
+        parameters: tuple[int | None, ...],
+    ) -> None:
+        """Write their derivatives by coefficients, added unknowns and free scalars into views of zeros (n_rows, ...).
 
         ``balance`` is R_x, and ``parameters`` are the indices of the free scalars (None: the factor on the excitation).
         """
+        ...
+
+    def resized(self, added: Array, shape: tuple[int, int], n_harmonics: int) -> Array:
+        """Return the added unknowns of a balance of ``shape`` for one of another number of harmonics."""
         ...
 
     def term_size(self, at: At) -> float:
@@ -68,15 +81,26 @@ class NullVector:
         v = at.added
         return np.append(at.assembly.jacobian(at.x, at.values) @ v, 0.5 * (v @ v - 1.0))
 
-    def jacobian(self, at: At, balance: Array, out: Array, parameters: tuple[int | None, ...]) -> None:
+    def jacobian(
+        self,
+        at: At,
+        balance: Array,
+        by_x: Array,
+        by_added: Array,
+        by_scalars: Array,
+        parameters: tuple[int | None, ...],
+    ) -> None:
         """Write ``R_xx v`` by x, R_x and v by v, ``R_xp v`` by the parameters; the excitation has no part in R_x."""
-        n, v = at.x.size, at.added
-        out[:-1, :n] = at.assembly.jacobian_along(at.x, at.values, v)
-        out[:-1, n : 2 * n] = balance
-        out[-1, n : 2 * n] = v
-        for column, index in enumerate(parameters, start=2 * n):
+        v = at.added
+        by_x[:-1] = at.assembly.jacobian_along(at.x, at.values, v)
+        by_added[:-1], by_added[-1] = balance, v
+        for column, index in enumerate(parameters):
             if index is not None:
-                out[:-1, column] = at.assembly.jacobian_along(at.x, at.values, None, index) @ v
+                by_scalars[:-1, column] = at.assembly.jacobian_along(at.x, at.values, None, index) @ v
+
+    def resized(self, added: Array, shape: tuple[int, int], n_harmonics: int) -> Array:
+        """Return the null vector with harmonics added or cut."""
+        return resize(added.reshape(shape), n_harmonics).ravel()
 
     def term_size(self, at: At) -> float:
         """Return the largest sum of the moduli in ``R_x v``."""

@@ -97,13 +97,17 @@ class Equations:
         return make_solution(self.problem, self.unknowns.coefficients(y), self.values(y), statistics=statistics)
 
     def point(self, coefficients: ArrayLike, last: float) -> Array:
-        """Return the unknowns of a solution, coefficients of any number of harmonics, at a value of the free scalar."""
+        """Return the unknowns of a solution, coefficients of any number of harmonics, at a value of its free scalar."""
+        assert self.condition is None
         return self.unknowns.joined(self.problem.vector(coefficients), [last])
 
-    def resized(self, y: Array, other: Equations) -> Array:
-        """Return a point, or a direction, with the harmonics of other equations: zeros added, or the highest cut."""
-        x = resize(self.coefficients(y), other.problem.n_harmonics).ravel()
-        return other.unknowns.joined(x, self.unknowns.scalars(y))
+    def carried_from(self, other: Equations, y: Array) -> Array:
+        """Return a point or direction of other equations with these ones' harmonics: zeros added, or the rest cut."""
+        x = resize(other.coefficients(y), self.problem.n_harmonics).ravel()
+        added = other.unknowns.added(y)
+        if self.condition is not None:
+            added = self.condition.resized(added, other.problem.shape, self.problem.n_harmonics)
+        return self.unknowns.joined(x, other.unknowns.scalars(y), added)
 
     # -- a Curve ----------------------------------------------------------------------------------------------------
 
@@ -124,7 +128,8 @@ class Equations:
             else:
                 out[:n, column] = assembly.parameter_derivative(x, values, index, at.load)
         if self.condition is not None:
-            self.condition.jacobian(at, out[:n, :n], out[n:], self._indices)
+            by_x, by_added, by_scalars = np.split(out[n:], [n, n + self.unknowns.n_added], axis=1)
+            self.condition.jacobian(at, out[:n, :n], by_x, by_added, by_scalars, self._indices)
 
     def scale(self, y: Array) -> Array:
         """Return the sizes (size + 1,) by which changes of y are measured."""
@@ -139,6 +144,14 @@ class Equations:
     def _at(self, y: Array) -> At:
         load = float(self.unknowns.scalars(y)[self._indices.index(None)]) if None in self._indices else 1.0
         return At(self.problem.assembly, self.unknowns.coefficients(y), self.values(y), load, self.unknowns.added(y))
+
+
+def settled(curve: Equations, y: Array) -> Equations:
+    """Return the same equations with as many samples of the force as suffice at a point."""
+    finer = curve.resampled(y)
+    while finer is not None:
+        curve, finer = finer, finer.resampled(y)
+    return curve
 
 
 def along_parameter(

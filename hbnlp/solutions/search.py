@@ -255,8 +255,8 @@ def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, option
             start = start_point(curve, curve.unknowns.joined(x, [1.0]), sign * curve.unknowns.fixing_last())
             walk = Walk(curve, start, PseudoArclength(max_points=400), limits=(0.0, options.largest_load))
             for before, after in walk:
-                if (before.parameter - 1.0) * (after.parameter - 1.0) < 0.0:
-                    share = (1.0 - before.parameter) / (after.parameter - before.parameter)
+                if (before.value - 1.0) * (after.value - 1.0) < 0.0:
+                    share = (1.0 - before.value) / (after.value - before.value)
                     crossings.append(curve.unknowns.coefficients(before.y + share * (after.y - before.y)))
     return crossings
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -38,7 +39,9 @@ class Solution:
         How it was found: iterations, the residual relative to its terms, the samples of the force, the start that led
         here.
     problem : HarmonicBalance or None
-        None for a solution loaded from a file.
+        None for a solution loaded from a file without one.
+    origin : Solution or None
+        Where its branch leads away from, if it was switched to: the special point's solution.
     """
 
     coefficients: Array
@@ -49,11 +52,18 @@ class Solution:
     status: Status = Status.CONVERGED
     statistics: Mapping[str, float | str] = field(default_factory=dict)
     problem: HarmonicBalance | None = field(default=None, repr=False)
+    origin: Solution | None = field(default=None, repr=False)
 
     @property
     def converged(self) -> bool:
         """Whether the balance holds."""
         return self.status is Status.CONVERGED
+
+    @property
+    def message(self) -> str:
+        """What became of it: why it did not converge, where that is known, and what to do."""
+        reason = self.statistics.get("reason", "")
+        return self.status.value if self.converged or not reason else f"{reason}; {self.status.value}"
 
     @property
     def n_harmonics(self) -> int:
@@ -168,7 +178,7 @@ class Attachable(Protocol):
 def attached(record: Attachable, advice: str = "solve or trace it again from there") -> HarmonicBalance:
     """Return the problem of a record; a record from a file has none, which is a ValueError with the advice."""
     if record.problem is None:
-        kind = type(record).__name__.lower()
+        kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(record).__name__).lower()
         raise ValueError(f"a {kind} from a file has no problem, and so no equations: {advice}")
     return record.problem
 

@@ -12,22 +12,24 @@ from hbnlp.continuation.newton import Newton
 from hbnlp.core.checks import instance_of
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import Status
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.solutions.attempt import Method, attempt
 from hbnlp.solutions.cold_start import cold_start
 from hbnlp.solutions.solution import Solution, guess_for
 
 
+@renamed_arguments(guess="start")
 def solve(
     problem: HarmonicBalance,
     *,
     at: Mapping[str, float] | None = None,
-    guess: Solution | ArrayLike | None = None,
+    start: Solution | ArrayLike | None = None,
     method: Method | None = None,
     throw: bool = True,
 ) -> Solution:
     """Return a periodic solution at one parameter point.
 
-    Without a guess it starts from the linear response and, where Newton's method fails there, from the solution with
+    Without a start it begins with the linear response and, where Newton's method fails there, from the solution with
     fewer harmonics, then along the solutions that lead from rest as the load grows to its value (a continuation, so
     folds on the way do not matter), and last by IPOPT.
 
@@ -36,8 +38,8 @@ def solve(
     problem : HarmonicBalance
     at : mapping, optional
         Parameter values; the system's own for the rest.
-    guess : Solution or array (n_dof, any odd number), optional
-        A start.
+    start : Solution or array (n_dof, any odd number), optional
+        Where the method begins.
     method : Newton, Ipopt or Rootfinder, optional
         Newton by default.
     throw : bool
@@ -52,17 +54,17 @@ def solve(
     TypeError
         For a problem or a method of another kind.
     NonFiniteError
-        If there is no guess, and the force or its derivative is not finite at rest.
+        If there is no start, and the force or its derivative is not finite at rest.
     """
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     values = problem.values(at)
     method = Newton() if method is None else method
     instance_of("method", method, Method, "Newton(), Ipopt() or Rootfinder()")
-    if guess is not None:
-        start = guess_for(problem, guess)
-        if not np.all(np.isfinite(start)):
-            raise ValueError("the guess has entries that are not finite; give finite coefficients")
-        solution = attempt(problem, values, start, method, start="guess")
+    if start is not None:
+        first = guess_for(problem, start)
+        if not np.all(np.isfinite(first)):
+            raise ValueError("the start has entries that are not finite; give finite coefficients")
+        solution = attempt(problem, values, first, method, start="given")
     else:
         solution = cold_start(problem, values, method)
     if solution.converged or not throw:

@@ -46,7 +46,7 @@ class Estimate:
     def __init__(self, curve: Equations, y: Array, row: Array) -> None:
         self._n_harmonics = curve.problem.n_harmonics
         finer = curve.on(curve.problem.with_harmonics(2 * self._n_harmonics + 1))
-        padded, plane = (curve.resized(v, finer) for v in (y, row))
+        padded, plane = (finer.carried_from(curve, v) for v in (y, row))
         step = -Bordered.at(finer, padded, plane).solve(np.append(finer.residual(padded), 0.0))
         self._finer, self._bettered = finer, padded + step
         self._size = curve.unknowns.size_of(y)

@@ -12,10 +12,11 @@ from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import finite_numbers, instance_of, list_of_callables, whole_number
 from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.core.types import Array, ComplexArray
+from hbnlp.fourier import to_real
 from hbnlp.integration.first_order import FirstOrderForm, Method
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.settling import AUTOMATIC, check_limits, initial_state, settle
-from hbnlp.sweeps.jumps import is_suspicious, relative_change
+from hbnlp.sweeps.jumps import UNKNOWN, is_suspicious, relative_change
 from hbnlp.sweeps.records import TimeSweep
 from hbnlp.systems.system import System
 
@@ -27,7 +28,7 @@ def march(
     *,
     at: Mapping[str, float] | None = None,
     method: Method = AUTOMATIC,
-    initial: Any = None,
+    start: Any = None,
     n_harmonics: int = 5,
     periods: int = 1,
     max_periods: int = 2000,
@@ -50,7 +51,7 @@ def march(
         Other parameter values that differ from the system's own.
     method : RungeKutta4 or Adaptive
         The integration method; RungeKutta4() by default, which chooses its steps for each value anew.
-    initial : optional
+    start : optional
         Where the first response starts, as in `integrate`.
     n_harmonics : int
         Harmonics of the outputs that are kept.
@@ -94,7 +95,7 @@ def march(
             form, there, state, method=method, periods=periods, max_periods=max_periods, periodic_tol=periodic_tol
         )
 
-    state = initial_state(system, initial, np.where(np.arange(point.size) == index, marched[0], point), periods)
+    state = initial_state(system, start, np.where(np.arange(point.size) == index, marched[0], point), periods)
     points: list[_Point] = []
     parameters = system.parameters.as_dict(point)
     del parameters[name]
@@ -107,7 +108,7 @@ def march(
             f"all {marched.size} values reached" if whole else ending.after(f"{len(points)} of {marched.size} values")
         )
         if points and ending in (INTERRUPTED, STOPPED):
-            message += "; go on from initial=sweep.states[-1]"
+            message += "; go on from start=sweep.states[-1]"
         return _time_sweep(
             points,
             system,
@@ -163,6 +164,9 @@ def _time_sweep(
         parameter=np.array([p.value for p in points]),
         amplitudes=np.array([p.amplitudes for p in points], dtype=complex).reshape(-1, n_outputs, n_harmonics + 1),
         output_names=system.output_names,
+        coefficients=to_real(
+            np.array([p.displacements for p in points], dtype=complex).reshape(-1, system.n_dof, n_harmonics + 1)
+        ),
         states=np.array([p.state for p in points]).reshape(-1, system.n_state),
         periodic=np.array([p.periodic for p in points], dtype=bool),
         defects=np.array([p.defect for p in points]),
@@ -174,6 +178,7 @@ def _time_sweep(
         method=method,
         complete=complete,
         message=message,
+        system=system,
     )
 
 
@@ -199,7 +204,7 @@ def _point(
     respond: Callable[[float, Array], TimeResponse] | None,
 ) -> _Point:
     """Return what is kept of a response, compared with the ``last`` periodic one; ``respond`` is for proving a jump."""
-    new, change, jumped_from = response.displacement_harmonics(n_harmonics), 0.0, None
+    new, change, jumped_from = response.displacement_harmonics(n_harmonics), UNKNOWN, None
     if last is not None and response.periodic:
         old = last.displacements
         change = relative_change(old, new)

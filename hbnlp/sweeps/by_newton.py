@@ -18,7 +18,7 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
 from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.solutions.solving import solve
-from hbnlp.sweeps.jumps import is_suspicious, relative_change
+from hbnlp.sweeps.jumps import UNKNOWN, is_suspicious, relative_change
 from hbnlp.sweeps.records import Sweep
 
 SAME = 1e-6
@@ -71,7 +71,7 @@ class NewtonMarch:
         self._rows: list[Solution | None] = []
         self._jumps: list[tuple[int, float, float]] = []
         self._last: Solution | None = None
-        self._last_change = np.inf
+        self._last_change = UNKNOWN
         if start is not None:
             begin = start.parameters[name] if isinstance(start, Solution) else marched[0]
             near = attempt(problem, self._parameters(begin), guess_for(problem, start), method, start="given")
@@ -150,6 +150,7 @@ class NewtonMarch:
             periods=problem.periods,
             complete=len(rows) == self._marched.size,
             message=self._message(ending),
+            problem=problem,
         )
 
     def _message(self, ending: Ending) -> str:

@@ -15,6 +15,8 @@ SUSPICIOUS = 0.02
 SUDDEN = 5.0
 """A change this many times the last one calls for it, too, if it is above `VISIBLE`."""
 VISIBLE = 1e-3
+UNKNOWN = float("inf")
+"""The change before the first one: nothing is sudden after it."""
 
 
 def relative_change(before: Array | ComplexArray, after: Array | ComplexArray) -> float:

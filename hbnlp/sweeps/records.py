@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from hbnlp.core.checks import position
-from hbnlp.core.records import Layout, load_record, save_record
+from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.checks import instance_of, position
+from hbnlp.core.kinds import Status
+from hbnlp.core.records import Layout, load_record, save_record, values_along
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
+from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.solution import Solution
+from hbnlp.systems.system import System
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,11 +46,14 @@ class Sweep:
     complete : bool
         Whether all values were reached; a sweep that was interrupted or stopped keeps the ones before.
     message : str
+    problem : HarmonicBalance or None
+        None for a sweep loaded from a file without one.
 
     Notes
     -----
-    A jump is a change that the way back does not undo: where the solution changes by more than 2 %, or Newton's method
-    needs a new start, the parameter is taken back, and the old solution must come out again.
+    A jump is a change that the way back does not undo: where the solution changes by more than 2 %, or by more than
+    0.1 % and five times the change before, or Newton's method needs a new start, the parameter is taken back, and the
+    old solution must come out again.
     """
 
     name: str
@@ -60,6 +68,7 @@ class Sweep:
     periods: int
     complete: bool
     message: str
+    problem: HarmonicBalance | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return int(self.parameter.size)
@@ -67,6 +76,23 @@ class Sweep:
     def harmonics(self, output: str) -> ComplexArray:
         """Return the complex amplitudes (k, H+1) of a named output."""
         return self.amplitudes[:, position("output", output, self.output_names)]
+
+    def values(self, name: str) -> Array:
+        """Return the values (k,) of a parameter, the one that varies or another."""
+        return values_along(self, name)
+
+    def solution(self, index: int) -> Solution:
+        """Return one value as a Solution."""
+        return Solution(
+            coefficients=self.coefficients[index],
+            parameters={**self.parameters, self.name: float(self.parameter[index])},
+            amplitudes=self.amplitudes[index],
+            output_names=self.output_names,
+            periods=self.periods,
+            status=Status.CONVERGED if self.converged[index] else Status.NOT_CONVERGED,
+            statistics={"method": "Newton"},
+            problem=self.problem,
+        )
 
     def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
         """Draw the amplitude of one harmonic of an output, jumps as arrows; see `hbnlp.plot.plot_sweep`."""
@@ -85,15 +111,19 @@ class Sweep:
         save_record(self, path, _SWEEP)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Sweep:
-        """Return a sweep from a file that `save` wrote.
+    def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Sweep:
+        """Return a sweep from a file that `save` wrote, with its problem if that is given.
 
         Raises
         ------
         FileNotFoundError, ValueError
-            If there is no such file, or it is damaged or holds something else.
+            If there is no such file, it is damaged or holds something else, or the problem is not the sweep's.
         """
-        return cls(**load_record(path, _SWEEP))
+        sweep = cls(**load_record(path, _SWEEP), problem=problem)
+        solved = np.flatnonzero(sweep.converged)
+        if problem is not None and solved.size:
+            check_belongs(problem, sweep.solution(int(solved[0])), what="sweep")
+        return sweep
 
     def __repr__(self) -> str:
         jumps = ", ".join(f"{low:.6g}..{high:.6g}" for low, high in self.jump_brackets) or "none"
@@ -118,6 +148,8 @@ class TimeSweep:
     amplitudes : array (k, n_outputs, H+1), complex
         Harmonics of all outputs, ``a_0`` and ``a_{2h-1} - i a_{2h}``.
     output_names : tuple of str
+    coefficients : array (k, n_dof, 2H+1)
+        Of the displacements; nan in a sweep from a file that an earlier version wrote.
     states : array (k, n_state)
         (q, q', x) at the end of each response, at tau = 0.
     periodic : array (k,), bool
@@ -140,10 +172,12 @@ class TimeSweep:
         Whether all values were reached.
     message : str
         How it ended.
+    system : System or None
+        None for a sweep loaded from a file without one.
 
     Notes
     -----
-    A jump is a change that the way back does not undo. Where the displacements' harmonics change by more than 5 % from
+    A jump is a change that the way back does not undo. Where the displacements' harmonics change by more than 2 % from
     one periodic response to the next (or by more than 0.1 % and five times the change before), the parameter is taken
     back from the new state; if the response then stays nearer to the new one than to the old, the old branch was left.
     A steep but continuous response returns. A jump smaller than these bounds is not seen; responses that are not
@@ -154,6 +188,7 @@ class TimeSweep:
     parameter: Array
     amplitudes: ComplexArray
     output_names: tuple[str, ...]
+    coefficients: Array
     states: Array
     periodic: BoolArray
     defects: Array
@@ -165,6 +200,7 @@ class TimeSweep:
     method: str
     complete: bool
     message: str
+    system: System | None = None
 
     def __len__(self) -> int:
         return int(self.parameter.size)
@@ -172,6 +208,27 @@ class TimeSweep:
     def harmonics(self, output: str) -> ComplexArray:
         """Return the complex amplitudes (k, H+1) of a named output."""
         return self.amplitudes[:, position("output", output, self.output_names)]
+
+    def values(self, name: str) -> Array:
+        """Return the values (k,) of a parameter, the one that varies or another."""
+        return values_along(self, name)
+
+    def solution(self, index: int) -> Solution:
+        """Return one response as a Solution: a start for a balance, or to compare with it."""
+        n_harmonics = self.amplitudes.shape[2] - 1
+        problem = None
+        if self.system is not None:
+            problem = HarmonicBalance(self.system, n_harmonics, periods=self.periods)
+        return Solution(
+            coefficients=self.coefficients[index],
+            parameters={**self.parameters, self.name: float(self.parameter[index])},
+            amplitudes=self.amplitudes[index],
+            output_names=self.output_names,
+            periods=self.periods,
+            status=Status.CONVERGED if self.periodic[index] else Status.NOT_CONVERGED,
+            statistics={"method": self.method, "defect": float(self.defects[index])},
+            problem=problem,
+        )
 
     def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
         """Draw the amplitude of one harmonic of an output, jumps as arrows; see `hbnlp.plot.plot_sweep`."""
@@ -190,15 +247,30 @@ class TimeSweep:
         save_record(self, path, _TIME_SWEEP)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> TimeSweep:
-        """Return a sweep from a file that `save` wrote.
+    def load(cls, path: str | os.PathLike[str], *, system: System | None = None) -> TimeSweep:
+        """Return a sweep from a file that `save` wrote, with its system if that is given.
 
         Raises
         ------
         FileNotFoundError, ValueError
-            If there is no such file, or it is damaged or holds something else.
+            If there is no such file, it is damaged or holds something else, or the system is not the sweep's.
+        TypeError
+            If ``system`` is something else.
         """
-        return cls(**load_record(path, _TIME_SWEEP))
+        content = load_record(path, _TIME_SWEEP)
+        if content["coefficients"] is None:
+            n_points, _, length = content["amplitudes"].shape
+            content["coefficients"] = np.full((n_points, 0, 2 * length - 1), np.nan)
+        if system is not None:
+            instance_of("system", system, System, "the System that was integrated")
+            names = sorted([content["name"], *content["parameters"]])
+            n_state = content["states"].shape[1]
+            if sorted(system.parameters.names) != names or n_state != system.n_state:
+                raise ValueError(
+                    f"the sweep has parameters {names} and {n_state} states, the system "
+                    f"{sorted(system.parameters.names)} and {system.n_state}: give the system that was integrated"
+                )
+        return cls(**content, system=system)
 
     def __repr__(self) -> str:
         span = f"{self.parameter[0]:g} to {self.parameter[-1]:g}" if len(self) else "none"
@@ -219,6 +291,17 @@ _SWEEP = Layout(
 )
 _TIME_SWEEP = Layout(
     kind="time sweep",
-    arrays=("parameter", "amplitudes", "states", "periodic", "defects", "n_periods", "jumps", "jump_brackets"),
+    arrays=(
+        "parameter",
+        "coefficients",
+        "amplitudes",
+        "states",
+        "periodic",
+        "defects",
+        "n_periods",
+        "jumps",
+        "jump_brackets",
+    ),
     metadata=(*_SHARED, "method"),
+    optional=("coefficients",),
 )

@@ -11,7 +11,9 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.integration.first_order import Method
+from hbnlp.solutions.solution import Solution
 from hbnlp.sweeps.by_integration import march
 from hbnlp.sweeps.by_newton import NewtonMarch
 from hbnlp.sweeps.records import Sweep, TimeSweep
@@ -26,8 +28,8 @@ def sweep(
     *,
     at: Mapping[str, float] | None = None,
     method: Newton | None = None,
+    start: Solution | ArrayLike | None = None,
     callbacks: Callbacks = (),
-    **options: Any,
 ) -> Sweep: ...
 @overload
 def sweep(
@@ -37,9 +39,15 @@ def sweep(
     *,
     at: Mapping[str, float] | None = None,
     method: Method | None = None,
+    start: Any = None,
     callbacks: Callbacks = (),
-    **options: Any,
+    n_harmonics: int | None = None,
+    periods: int | None = None,
+    max_periods: int | None = None,
+    periodic_tol: float | None = None,
+    find_jumps: bool | None = None,
 ) -> TimeSweep: ...
+@renamed_arguments(initial="start")
 def sweep(
     subject: HarmonicBalance | System,
     name: str,
@@ -47,8 +55,13 @@ def sweep(
     *,
     at: Mapping[str, float] | None = None,
     method: Any = None,
+    start: Any = None,
     callbacks: Callbacks = (),
-    **options: Any,
+    n_harmonics: int | None = None,
+    periods: int | None = None,
+    max_periods: int | None = None,
+    periodic_tol: float | None = None,
+    find_jumps: bool | None = None,
 ) -> Sweep | TimeSweep:
     """March through values of a parameter, each solution starting from the last; jumps are recorded.
 
@@ -57,32 +70,54 @@ def sweep(
     subject : HarmonicBalance or System
         A balance is marched by Newton's method, a system by direct integration.
     name : str
+        The parameter that is varied.
     values : array (k,)
         In the order of marching: rising for a sweep up, falling for a sweep down.
     at : mapping, optional
         Values of the other parameters.
     method : Newton, or RungeKutta4 or Adaptive
         For a balance or a system, respectively.
+    start : Solution or array, optional
+        Where to begin. For a balance, a solution at a value before the first, or coefficients (n_dof, 2H+1) near that
+        at the first; for a system, what `hbnlp.integrate` takes: a solution, a state, coefficients, a response.
     callbacks : sequence of callables
         Called after each value with a `Progress`; one that raises `StopTracing` ends the sweep, as Ctrl-C does.
-    **options
-        For a balance: ``start``, a Solution or coefficients (n_dof, 2H+1) to begin from. For a system: those of
-        `hbnlp.sweeps.by_integration.march`.
+    n_harmonics : int, optional
+        Of a system only, as all that follow: harmonics that are kept, 5 by default.
+    periods, max_periods, periodic_tol : optional
+        As in `hbnlp.integrate`, for each value; 1, 2000 and 1e-8 by default. A response that does not become periodic
+        is kept and marked; marching goes on.
+    find_jumps : bool, optional
+        Whether jumps are looked for, which they are by default; the proof of each costs one more integration.
 
     Returns
     -------
     Sweep or TimeSweep
+        Of fewer values where it broke off; ``message`` says why.
 
     Raises
     ------
     ValueError, KeyError
-        For an unknown parameter, or values that are not finite.
+        For an unknown parameter, values that are not finite, a step that is unstable at the first value.
     TypeError
-        For a subject, a method, callbacks or an option of another kind.
+        For a subject, a method, callbacks or an option of another kind, or one that the subject does not take.
     """
+    given = {
+        "n_harmonics": n_harmonics,
+        "periods": periods,
+        "max_periods": max_periods,
+        "periodic_tol": periodic_tol,
+        "find_jumps": find_jumps,
+    }
+    options: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     if isinstance(subject, System):
-        given = {"method": method} if method is not None else {}
-        return march(subject, name, values, at=at, callbacks=callbacks, **given, **options)
+        options |= {"method": method} if method is not None else {}
+        return march(subject, name, values, at=at, start=start, callbacks=callbacks, **options)
     instance_of("subject", subject, HarmonicBalance, "a HarmonicBalance or a System")
+    if options:
+        raise TypeError(
+            f"{next(iter(options))} is an option of a sweep by integration; give a System to have one, problem.system, "
+            "or leave it out: a HarmonicBalance has its own harmonics and periods"
+        )
     list_of_callables("callbacks", callbacks)
-    return NewtonMarch(subject, name, values, at=at, method=method or Newton(), **options).run(callbacks)
+    return NewtonMarch(subject, name, values, at=at, method=method or Newton(), start=start).run(callbacks)

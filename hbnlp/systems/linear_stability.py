@@ -6,7 +6,7 @@ import itertools
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.errors import LinearInstabilityWarning
+from hbnlp.core.renamed import renamed_arguments, renamed_name
 from hbnlp.core.types import ComplexArray
 from hbnlp.systems.system import System
 
@@ -84,7 +85,8 @@ class StabilityLimit:
 
     Attributes
     ----------
-    parameter : str
+    name : str
+        The parameter.
     value : float
         The limit.
     kind : {"divergence", "flutter"}
@@ -95,16 +97,20 @@ class StabilityLimit:
         The side of ``value`` on which it grows.
     """
 
-    parameter: str
+    name: str
     value: float
     kind: Literal["divergence", "flutter"]
     frequency: float
     unstable: Literal["below", "above"]
 
+    def __getattr__(self, name: str) -> Any:
+        raise renamed_name("StabilityLimit", name, {"parameter": "name"})
 
+
+@renamed_arguments(parameter="name")
 def stability_limits(
     system: System,
-    parameter: str,
+    name: str,
     span: Sequence[float],
     *,
     at: Mapping[str, float] | None = None,
@@ -121,7 +127,7 @@ def stability_limits(
     Parameters
     ----------
     system : System
-    parameter : str
+    name : str
         Any parameter but omega, on which linear stability does not depend.
     span : two floats
         Its lowest and highest value, in either order.
@@ -138,20 +144,20 @@ def stability_limits(
     KeyError
         If there is no such parameter.
     ValueError
-        If the span has zero length or is not finite, or ``parameter`` is omega.
+        If the span has zero length or is not finite, or ``name`` is omega.
     """
-    system.parameters.index(parameter)
-    if parameter == "omega":
-        raise ValueError("parameter is 'omega', the forcing's frequency, on which linear stability does not depend")
+    system.parameters.index(name)
+    if name == "omega":
+        raise ValueError("name is 'omega', the forcing's frequency, on which linear stability does not depend")
     n_points = whole_number("n_points", n_points, least=2)
     if len(span) != 2:
         raise ValueError(f"span is {span!r}; give two values, the lowest and the highest")
     low, high = sorted(real_number("span", value) for value in span)
     if low == high:
-        raise ValueError(f"span is {tuple(span)!r}, of zero length; give two different values of {parameter}")
+        raise ValueError(f"span is {tuple(span)!r}, of zero length; give two different values of {name}")
 
     def spectrum(value: float) -> Point:
-        return value, eigenvalues(system, {**(at or {}), parameter: value}, rest=rest)
+        return value, eigenvalues(system, {**(at or {}), name: value}, rest=rest)
 
     by_ratio = low * high > 0.0 and max(abs(low), abs(high)) > 10.0 * min(abs(low), abs(high))
     grid = np.geomspace(low, high, n_points) if by_ratio else np.linspace(low, high, n_points)
@@ -165,7 +171,7 @@ def stability_limits(
         if _n_unstable(left[1]) == _n_unstable(right[1]):
             continue
         if right[0] - left[0] <= width:
-            limits.append(_limit(parameter, left, right, spectrum))
+            limits.append(_limit(name, left, right, spectrum))
             continue
         middle = spectrum(0.5 * (left[0] + right[0]))
         stack += [(middle, right), (left, middle)]
@@ -193,7 +199,7 @@ def _approaches(points: list[Point], spectrum: Callable[[float], Point]) -> list
     return found
 
 
-def _limit(parameter: str, left: Point, right: Point, spectrum: Callable[[float], Point]) -> StabilityLimit:
+def _limit(name: str, left: Point, right: Point, spectrum: Callable[[float], Point]) -> StabilityLimit:
     """Return the limit within a narrow bracket, by the secant through the eigenvalue that crosses."""
     growing_right = _n_unstable(right[1]) > _n_unstable(left[1])
     grown, other = (right, left) if growing_right else (left, right)
@@ -204,7 +210,7 @@ def _limit(parameter: str, left: Point, right: Point, spectrum: Callable[[float]
     value, values = spectrum(float(grown[0] - crossing.real / slope))
     crossing = values[np.argmin(np.abs(values - crossing))]
     return StabilityLimit(
-        parameter=parameter,
+        name=name,
         value=value,
         kind="divergence" if crossing.imag == 0.0 else "flutter",
         frequency=abs(float(crossing.imag)),

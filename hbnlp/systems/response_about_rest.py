@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.types import ComplexArray
 from hbnlp.fourier import FourierBasis, to_complex
-from hbnlp.systems.excitation import FIRST_HARMONIC_SAMPLES
+from hbnlp.systems.excitation_samples import FIRST_HARMONIC_SAMPLES
 from hbnlp.systems.system import System
 
 

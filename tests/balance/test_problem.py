@@ -399,7 +399,7 @@ def test_amplitudes_and_coefficients_of_outputs_are_expressions_of_the_program()
         problem.output("v2"),
         problem.amplitude_squared("v2", 2),
         problem.coefficients(1),
-        problem.parameter("load"),
+        problem.symbol("load"),
     ]
     v2, squared, second, load = (e.full().ravel() for e in ca.Function("f", [problem.x, problem.p], rows)(x, values))
     harmonics = problem.output_harmonics(x, values)[0, problem.system.output_index("v2")]
@@ -449,7 +449,7 @@ def test_the_program_can_be_given_an_objective_and_a_free_parameter():
     problem = HarmonicBalance(duffing(damping_ratio=0.05, cubic=0.0), 1)
     free = ca.MX.sym("force")
     names = problem.system.parameters.names
-    at = ca.vertcat(*(free if name == "force" else problem.parameter(name) for name in names))
+    at = ca.vertcat(*(free if name == "force" else problem.symbol(name) for name in names))
     g = ca.vertcat(ca.substitute(problem.g, problem.p, at), problem.amplitude_squared("x") - 1.0)
     program = {"x": ca.vertcat(problem.x, free), "p": problem.p, "f": free, "g": g}
     options = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-12}}

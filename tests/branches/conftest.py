@@ -30,7 +30,7 @@ def absorber():
 @pytest.fixture(scope="module")
 def isola_start(absorber):
     """A motion on the isola; the first harmonics [0, cos, sin] of host and absorber are from a search over starts."""
-    return solve(absorber, at={"omega": 1.9}, guess=[[0.0, -1.04, 1.44], [0.0, 0.64, -0.92]])
+    return solve(absorber, at={"omega": 1.9}, start=[[0.0, -1.04, 1.44], [0.0, 0.64, -0.92]])
 
 
 @pytest.fixture

@@ -62,9 +62,9 @@ def test_options_that_are_no_options_are_refused(problem, option):
 
 
 def test_what_goes_wrong_most_often_is_told_what_to_do(problem):
-    with pytest.raises(TypeError, match=r"problem is System .*; give a HarmonicBalance\(system, n_harmonics"):
+    with pytest.raises(TypeError, match=r"subject is System .*; give a HarmonicBalance\(system, n_harmonics"):
         trace(problem.system, "omega", (0.5, 1.6))
-    with pytest.raises(TypeError, match=r"resume is 'duffing.npz'; give a Branch, .*hbnlp.load_branch\(path\)"):
+    with pytest.raises(TypeError, match=r"resume is 'duffing.npz'; give a Branch, .*Branch.load\(path\)"):
         trace(problem, "omega", (0.5, 1.6), resume="duffing.npz")
     with pytest.raises(TypeError, match=r"callbacks is .*ProgressBar.*; give a list of callables"):
         trace(problem, "omega", (0.5, 1.6), callbacks=ProgressBar())

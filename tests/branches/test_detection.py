@@ -80,9 +80,9 @@ def test_an_independent_monodromy_matrix_has_the_multiplier_minus_one_there(doub
 
 
 def test_the_doubled_solution_repeats_after_two_periods_and_not_after_one(doubling):
-    problem, branch, points = doubling
+    _problem, branch, points = doubling
     for point in points:
-        starts = switch_branch(problem, point, "omega")
+        starts = switch_branch(point)
         assert len(starts) == 2
         for start in starts:
             assert start.periods == start.problem.periods == 2
@@ -99,8 +99,8 @@ def test_the_doubled_solution_repeats_after_two_periods_and_not_after_one(doubli
 
 
 def test_the_two_starts_are_one_solution_a_period_apart(doubling):
-    problem, _, points = doubling
-    one, other = switch_branch(problem, points[0], "omega")
+    _problem, _, points = doubling
+    one, other = switch_branch(points[0])
     period = 2 * np.pi / one.omega
     t = np.linspace(0.0, 2 * period, 20)
     assert other.omega == pytest.approx(one.omega, abs=1e-9)
@@ -110,11 +110,11 @@ def test_the_two_starts_are_one_solution_a_period_apart(doubling):
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("which", [0, 1])
 def test_the_doubled_branch_leaves_the_period_doubling_as_a_square_root(doubling, which, side):
-    problem, _, points = doubling
+    _problem, _, points = doubling
     point = points[which]
-    start = switch_branch(problem, point, "omega")[side]
+    start = switch_branch(point)[side]
     options = PseudoArclength(max_points=25)
-    branch = trace(start.problem, "omega", (1.2, 3.0), start=start, away_from=point.solution, method=options)
+    branch = trace(start, "omega", (1.2, 3.0), method=options)
     check_branch(branch)
     assert branch.periods == 2
     assert branch.special_points == ()
@@ -129,9 +129,9 @@ def test_the_doubled_branch_leaves_the_period_doubling_as_a_square_root(doubling
 
 
 def test_the_stable_doubled_response_is_where_time_integration_goes(doubling):
-    problem, branch, points = doubling
-    start = switch_branch(problem, points[0], "omega")[0]
-    doubled = trace(start.problem, "omega", (1.2, 2.0), start=start, away_from=points[0].solution, stability=None)
+    _problem, branch, points = doubling
+    start = switch_branch(points[0])[0]
+    doubled = trace(start, "omega", (1.2, 2.0), stability=None)
     check_branch(doubled)
     assert doubled.end is End.SPAN_END
     solution = doubled.solution(len(doubled) - 1)
@@ -189,7 +189,7 @@ def test_the_neimark_sacker_point_is_where_shooting_finds_it(absorber):
 
     exact = brentq(beyond, point.value - 2e-4, point.value + 2e-4, xtol=1e-11)
     fine = HarmonicBalance(problem.system, 15)
-    start = solve(fine, at={"omega": point.value - 0.002}, guess=point.solution)
+    start = solve(fine, at={"omega": point.value - 0.002}, start=point.solution)
     short = trace(fine, "omega", (point.value - 0.002, point.value + 0.002), start=start)
     check_branch(short)
     (better,) = short.of_kind(Kind.NEIMARK_SACKER)
@@ -197,12 +197,12 @@ def test_the_neimark_sacker_point_is_where_shooting_finds_it(absorber):
 
 
 def test_no_branch_of_periodic_solutions_crosses_there(absorber):
-    problem, branch = absorber
+    _problem, branch = absorber
     (point,) = branch.of_kind(Kind.NEIMARK_SACKER)
     with pytest.raises(ValueError, match="no branch crosses at a Neimark-Sacker; a branch point or a period doubling"):
-        switch_branch(problem, point, "omega")
+        switch_branch(point)
     with pytest.raises(ValueError, match="no branch crosses at a fold"):
-        switch_branch(problem, branch.folds[0], "omega")
+        switch_branch(branch.folds[0])
 
 
 # -- folds -------------------------------------------------------------------------------------------------------------
@@ -260,7 +260,7 @@ def test_at_a_branch_point_the_null_vector_breaks_the_symmetry_of_the_solution(b
 def test_the_other_branch_is_another_one_and_its_two_sides_are_mirror_images(broken):
     problem, branch = broken
     for point in branch.branch_points:
-        starts = switch_branch(problem, point, "omega")
+        starts = switch_branch(point)
         assert len(starts) == 2
         means = []
         for start in starts:
@@ -270,7 +270,7 @@ def test_the_other_branch_is_another_one_and_its_two_sides_are_mirror_images(bro
             even = np.abs(start.harmonics("x3")[EVEN]).max()
             assert even > 1e-4
             means.append(start.harmonics("x3")[0].real)
-            same = solve(problem, at=start.parameters, guess=point.solution)
+            same = solve(problem, at=start.parameters, start=point.solution)
             if np.abs(same.harmonics("x3")[EVEN]).max() < 1e-9:
                 assert np.linalg.norm(same.coefficients - start.coefficients) > 1e-3
         assert means[0] * means[1] < 0.0
@@ -279,11 +279,11 @@ def test_the_other_branch_is_another_one_and_its_two_sides_are_mirror_images(bro
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_the_other_branch_leads_from_one_branch_point_to_the_other(broken, side):
-    problem, branch = broken
+    _problem, branch = broken
     first, second = branch.branch_points[:2]
-    start = switch_branch(problem, first, "omega")[side]
+    start = switch_branch(first)[side]
     options = PseudoArclength(max_points=400)
-    other = trace(problem, "omega", (0.9, 1.5), start=start, away_from=first.solution, stability=None, method=options)
+    other = trace(start, "omega", (0.9, 1.5), stability=None, method=options)
     check_branch(other)
     even = np.abs(other.harmonics("x3")[:, EVEN]).max(axis=1)
     assert np.all(even[:5] > 1e-4)
@@ -294,10 +294,10 @@ def test_the_other_branch_leads_from_one_branch_point_to_the_other(broken, side)
 
 
 def test_a_step_that_is_no_step_is_refused(broken):
-    problem, branch = broken
+    _problem, branch = broken
     for step in (0.0, -0.1, 1.0):
         with pytest.raises(ValueError, match=rf"step = {step!r}; a length between 0 and 1 is needed"):
-            switch_branch(problem, branch.branch_points[0], "omega", step=step)
+            switch_branch(branch.branch_points[0], step=step)
 
 
 def test_a_pitchfork_in_a_static_parameter_is_switched_exactly():

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import load_branch
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.extrema import locate_peak, peaks
 from hbnlp.branches.tracing import trace
 from hbnlp.core.errors import ConvergenceError
@@ -53,7 +53,7 @@ def test_a_peak_is_reached_from_below_it(z, g, force, shift):
     problem = HarmonicBalance(duffing(damping_ratio=z, cubic=g, force=force), 1)
     answer = force / (1.0 - omega**2 + 0.75 * g * amplitude**2 + 2j * z * omega)
     guess = [[0.0, answer.real, -answer.imag]]
-    near = solve(problem, at={"omega": omega * (1.0 - shift * z)}, guess=guess)
+    near = solve(problem, at={"omega": omega * (1.0 - shift * z)}, start=guess)
     peak = locate_peak(problem, "x", "omega", near)
     assert abs(peak.solution.harmonics("x")[1]) == pytest.approx(amplitude, rel=1e-9)
     assert peak.value == pytest.approx(omega, rel=1e-8)
@@ -95,7 +95,7 @@ def test_higher_harmonics_have_peaks_of_their_own():
     for peak in found:
         here = abs(peak.solution.harmonics("x")[3])
         for shift in (-1e-3, 1e-3):
-            beside = solve(problem, at={"omega": peak.value + shift}, guess=peak.solution)
+            beside = solve(problem, at={"omega": peak.value + shift}, start=peak.solution)
             assert abs(beside.harmonics("x")[3]) < here
 
 
@@ -136,7 +136,7 @@ def test_a_branch_from_a_file_needs_its_problem(tmp_path):
     problem = HarmonicBalance(duffing(), 3)
     branch = trace(problem, "omega", (0.5, 1.6), stability=None)
     branch.save(tmp_path / "branch.npz")
-    loaded = load_branch(tmp_path / "branch.npz")
+    loaded = Branch.load(tmp_path / "branch.npz")
     with pytest.raises(ValueError, match=r"from a file has no problem.* pass the problem .* problem=\.\.\."):
         peaks(loaded, "x")
     again, first = peaks(loaded, "x", problem=problem), peaks(branch, "x")

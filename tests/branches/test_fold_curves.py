@@ -1,5 +1,7 @@
 """Fold curves in two parameters: cusps, isola births and merges against closed forms and independent values."""
 
+import dataclasses
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from scipy.optimize import brentq, fsolve, minimize_scalar
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.fold_curves import FoldBranch
 from hbnlp.branches.folds import fold_by_newton
-from hbnlp.branches.following import fold_curve
+from hbnlp.branches.following import follow
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.errors import ConvergenceError, SaveError
@@ -67,7 +69,7 @@ def test_the_tabulated_onsets_are_the_closed_form(z, onset, omega):
 def test_hysteresis_sets_in_at_the_cusp_of_the_closed_form(z, onset, omega):
     g = 0.1
     problem = HarmonicBalance(duffing(damping_ratio=z, cubic=g, force=3.0 * np.sqrt(onset / g)), 1)
-    curve = fold_curve(problem, folded(problem)[0], "omega", "force")
+    curve = follow(folded(problem)[0], "force")
     check_fold_curve(problem, curve)
     (cusp,) = curve.cusps
     assert g * cusp.second**2 == pytest.approx(onset, rel=1e-9)
@@ -79,7 +81,7 @@ def test_hysteresis_sets_in_at_the_cusp_of_the_closed_form(z, onset, omega):
 def test_both_folds_lie_on_the_same_curve_which_may_be_followed_from_either():
     problem = HarmonicBalance(duffing(), 3)
     down, up = folded(problem)
-    one, other = (fold_curve(problem, fold, "omega", "force") for fold in (down, up))
+    one, other = (follow(fold, "force") for fold in (down, up))
     for curve in (one, other):
         check_fold_curve(problem, curve)
     assert one.cusps[0].second == pytest.approx(other.cusps[0].second, rel=1e-10)
@@ -89,7 +91,7 @@ def test_both_folds_lie_on_the_same_curve_which_may_be_followed_from_either():
 
 def test_points_of_the_curve_are_the_folds_of_branches_traced_there():
     problem = HarmonicBalance(duffing(), 5)
-    curve = fold_curve(problem, folded(problem)[0], "omega", "force")
+    curve = follow(folded(problem)[0], "force")
     for k in (5, len(curve) // 2, len(curve) - 5):
         folds = [fold.value for fold in folded(problem, at={"force": curve.second[k]}, span=(0.5, 6.0))]
         assert np.abs(np.array(folds) - curve.first[k]).min() < 1e-8
@@ -98,7 +100,7 @@ def test_points_of_the_curve_are_the_folds_of_branches_traced_there():
 def test_the_slope_of_the_curve_is_the_sensitivity_of_the_fold():
     problem = HarmonicBalance(duffing(), 5)
     for fold in folded(problem):
-        curve = fold_curve(problem, fold, "omega", "force", second_span=(0.17, 0.19))
+        curve = follow(fold, "force", span=(0.17, 0.19))
         k = np.argmin(np.abs(curve.second - 0.18))
         slopes = np.gradient(curve.first, curve.second)
         assert curve.first[k] == pytest.approx(fold.value, rel=1e-9)
@@ -109,7 +111,7 @@ def test_any_two_parameters_may_be_chosen():
     """With one harmonic only g F^2 matters: the cusp in (W, g) is that in (W, F)."""
     z, onset, omega = CUSPS[0]
     problem = HarmonicBalance(duffing(damping_ratio=z, cubic=0.5, force=0.2), 1)
-    curve = fold_curve(problem, folded(problem)[0], "omega", "cubic")
+    curve = follow(folded(problem)[0], "cubic")
     check_fold_curve(problem, curve)
     assert curve.names == ("omega", "cubic")
     assert curve.cusps[0].second * 0.2**2 == pytest.approx(onset, rel=1e-9)
@@ -117,7 +119,7 @@ def test_any_two_parameters_may_be_chosen():
     assert curve.parameters["force"] == 0.2
 
     in_force = folded(problem, "force", (0.02, 0.5), at={"omega": 1.3})
-    other = fold_curve(problem, in_force[0], "force", "omega")
+    other = follow(in_force[0], "omega")
     check_fold_curve(problem, other)
     assert other.cusps[0].first ** 2 * 0.5 == pytest.approx(onset, rel=1e-9)
     assert other.cusps[0].second == pytest.approx(omega, rel=1e-9)
@@ -132,7 +134,7 @@ def test_any_two_parameters_may_be_chosen():
 )
 def test_the_absorbers_isola_is_born_and_merges_where_it_is_known_to(n_harmonics, birth, merge):
     problem = HarmonicBalance(tuned_absorber(force=0.15), n_harmonics)
-    curves = [fold_curve(problem, f, "omega", "force", second_span=(0.05, 0.4)) for f in isola_folds(problem)]
+    curves = [follow(f, "force", span=(0.05, 0.4)) for f in isola_folds(problem)]
     for curve in curves:
         check_fold_curve(problem, curve)
     for kind, (force, omega) in ((FoldEvent.ISOLA_BIRTH, birth), (FoldEvent.ISOLA_MERGE, merge)):
@@ -209,7 +211,7 @@ def test_a_nonlinear_damper_has_an_isola_between_birth_and_merge_of_the_closed_f
     branch = trace(problem, "omega", (0.5, 2.0), at={"omega": 1.15}, start=start, stability=None)
     check_branch(branch)
     assert branch.closed
-    curve = fold_curve(problem, branch.folds[0], "omega", "force", second_span=(0.005, 0.1))
+    curve = follow(branch.folds[0], "force", span=(0.005, 0.1))
     check_fold_curve(problem, curve)
     (birth,), (merge,) = curve.isola_births, curve.isola_merges
     assert (birth.second, birth.first) == pytest.approx(BIRTH[0], rel=1e-8)
@@ -230,17 +232,17 @@ def fold(problem):
 
 
 def test_the_curve_ends_on_the_spans_it_is_given(problem, fold):
-    curve = fold_curve(problem, fold, "omega", "force", second_span=(0.15, 0.3))
+    curve = follow(fold, "force", span=(0.15, 0.3))
     check_fold_curve(problem, curve)
     assert {curve.second[0], curve.second[-1]} == {0.15, 0.3}
     assert curve.ends == ("end of the second span", "end of the second span")
-    narrow = fold_curve(problem, fold, "omega", "force", first_span=(1.2, 1.3))
+    narrow = follow(fold, "force", limits=(1.2, 1.3))
     assert "end of the first span" in narrow.ends
     assert np.all((narrow.first[1:-1] > 1.2) & (narrow.first[1:-1] < 1.3))
 
 
-def test_a_fold_curve_is_the_same_after_saving_and_loading(problem, fold, tmp_path):
-    curve = fold_curve(problem, fold, "omega", "force")
+def test_a_fold_curve_is_the_same_after_saving_and_loading(fold, tmp_path):
+    curve = follow(fold, "force")
     assert curve.events
     curve.save(tmp_path / "curve.npz")
     loaded = FoldBranch.load(tmp_path / "curve.npz")
@@ -256,20 +258,25 @@ def test_a_fold_curve_is_the_same_after_saving_and_loading(problem, fold, tmp_pa
         curve.save(tmp_path / "missing" / "curve.npz")
 
 
-def test_a_curve_without_events_survives_the_file_as_well(problem, fold, tmp_path):
-    curve = fold_curve(problem, fold, "omega", "force", second_span=(0.15, 0.3))
+def test_a_curve_without_events_survives_the_file_as_well(fold, tmp_path):
+    curve = follow(fold, "force", span=(0.15, 0.3))
     assert curve.events == ()
     curve.save(tmp_path / "curve.npz")
     assert FoldBranch.load(tmp_path / "curve.npz").events == ()
 
 
-def test_bad_arguments_are_refused_by_name(problem, fold):
-    with pytest.raises(ValueError, match="first and second are both 'omega'; two different parameters are needed"):
-        fold_curve(problem, fold, "omega", "omega")
+def test_bad_arguments_are_refused_by_name(fold):
+    with pytest.raises(ValueError, match="name is 'omega', the fold's own parameter; give another one"):
+        follow(fold, "omega")
     with pytest.raises(KeyError, match="unknown parameter 'forc'; did you mean 'force'"):
-        fold_curve(problem, fold, "omega", "forc")
+        follow(fold, "forc")
     with pytest.raises(ValueError, match=r"the fold lies at force = 0.18, outside of \(0.2, 0.3\)"):
-        fold_curve(problem, fold, "omega", "force", second_span=(0.2, 0.3))
+        follow(fold, "force", span=(0.2, 0.3))
+
+
+def of_problem(fold, problem):
+    """The fold as if it were of another problem."""
+    return dataclasses.replace(fold, solution=dataclasses.replace(fold.solution, problem=problem))
 
 
 def test_a_fold_of_another_system_does_not_converge(fold):
@@ -282,19 +289,19 @@ def test_a_fold_of_another_system_does_not_converge(fold):
         parameters={"damping_ratio": 0.025, "cubic": 0.1, "force": 0.18},
     )
     with pytest.raises(ConvergenceError, match=r"the fold at omega = 1\.26\S+ does not converge in this problem: "):
-        fold_curve(HarmonicBalance(linear, 1), fold, "omega", "force")
+        follow(of_problem(fold, HarmonicBalance(linear, 1)), "force")
 
 
-def test_arguments_of_another_kind_are_named(problem, fold):
+def test_arguments_of_another_kind_are_named(fold):
     for given, options, message in (
-        ((fold, fold), {}, r"fold is \(fold at .*; give one fold, such as branch.folds\[0\]"),
+        ((fold, fold), {}, r"point is \(fold at .*; give one fold, such as branch.folds\[0\]"),
         (fold, {"method": "x"}, r"method is 'x'; give PseudoArclength"),
         (fold, {"callbacks": print}, r"callbacks is .*; give a list of callables"),
     ):
         with pytest.raises(TypeError, match=message):
-            fold_curve(problem, given, "omega", "force", **options)
+            follow(given, "force", **options)
     with pytest.raises(ValueError, match=r"the span of force is \(0.1, 0.2, 0.3\); give two values"):
-        fold_curve(problem, fold, "omega", "force", second_span=(0.1, 0.2, 0.3))
+        follow(fold, "force", span=(0.1, 0.2, 0.3))
 
 
 def test_what_is_no_fold_is_refused():
@@ -302,13 +309,13 @@ def test_what_is_no_fold_is_refused():
     branch = trace(absorber, "omega", (1.0, 1.3))
     others = [point for point in branch.special_points if point not in branch.folds]
     assert others
-    with pytest.raises(ValueError, match="fold is a Neimark-Sacker; a fold is needed"):
-        fold_curve(absorber, others[0], "omega", "force")
+    with pytest.raises(ValueError, match="point is a Neimark-Sacker; a fold is needed"):
+        follow(others[0], "force")
 
 
 def test_a_fold_may_serve_a_problem_with_more_harmonics(fold):
     finer = HarmonicBalance(duffing(), 7)
-    curve = fold_curve(finer, fold, "omega", "force", second_span=(0.17, 0.19))
+    curve = follow(of_problem(fold, finer), "force", span=(0.17, 0.19))
     check_fold_curve(finer, curve)
     k = np.argmin(np.abs(curve.second - 0.18))
     # the converged fold of test_duffing_folds.py
@@ -318,8 +325,8 @@ def test_a_fold_may_serve_a_problem_with_more_harmonics(fold):
     assert again.value == pytest.approx(1.2696019555, rel=1e-10)
 
 
-def test_an_interrupted_curve_keeps_its_folds_and_says_so(problem, fold, caplog):
-    spans = {"first_span": (0.5, 3.0), "second_span": (0.05, 0.5)}
+def test_an_interrupted_curve_keeps_its_folds_and_says_so(fold, caplog):
+    spans = {"limits": (0.5, 3.0), "span": (0.05, 0.5)}
     seen = []
 
     def end(progress):
@@ -327,8 +334,8 @@ def test_an_interrupted_curve_keeps_its_folds_and_says_so(problem, fold, caplog)
         if progress.counts["folds"] == 12 and not progress.done:
             raise KeyboardInterrupt
 
-    whole = fold_curve(problem, fold, "omega", "force", **spans)
-    part = fold_curve(problem, fold, "omega", "force", callbacks=[end], **spans)
+    whole = follow(fold, "force", **spans)
+    part = follow(fold, "force", callbacks=[end], **spans)
     assert len(part) == 11
     assert part.ends == ("interrupted", "interrupted")
     assert "interrupted after 11 folds" in caplog.text

@@ -5,7 +5,7 @@ import pytest
 from numpy_balance import absorber_balance
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import load_branch
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.kinds import End
@@ -49,7 +49,7 @@ def test_an_isola_is_recognised_when_it_closes(isola):
 
 
 def test_an_isola_is_the_same_loop_the_other_way_round(isola, absorber):
-    start = solve(absorber, at={"omega": 1.9}, guess=[[0.0, 0.95, 1.54], [0.0, -0.6, -1.0]])
+    start = solve(absorber, at={"omega": 1.9}, start=[[0.0, 0.95, 1.54], [0.0, -0.6, -1.0]])
     other = trace(absorber, "omega", (0.5, 3.0), start=start, stability=None)
     check_branch(other)
     assert other.closed
@@ -70,7 +70,7 @@ def test_a_resumed_isola_still_closes_where_it_began(absorber, isola_start, tmp_
         absorber, "omega", (0.5, 3.0), start=isola_start, stability=None, method=PseudoArclength(max_points=count)
     )
     first.save(tmp_path / "part.npz")
-    resumed = trace(absorber, "omega", (0.5, 3.0), stability=None, resume=load_branch(tmp_path / "part.npz"))
+    resumed = trace(absorber, "omega", (0.5, 3.0), stability=None, resume=Branch.load(tmp_path / "part.npz"))
     check_branch(resumed)
     assert resumed.end is End.CLOSED
     np.testing.assert_allclose(sorted(f.value for f in resumed.folds), ISOLA_FOLDS, rtol=1e-10)

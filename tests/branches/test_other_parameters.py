@@ -54,7 +54,7 @@ def test_any_parameter_can_be_continued_in(name, span):
     check_branch(branch)
     assert branch.end is End.SPAN_END
     at = {"omega": 1.2, name: branch.parameter[-1]}
-    again = solve(problem, at=at, guess=branch.solution(len(branch) - 1))
+    again = solve(problem, at=at, start=branch.solution(len(branch) - 1))
     np.testing.assert_allclose(again.coefficients, branch.coefficients[-1], atol=1e-8)
 
 

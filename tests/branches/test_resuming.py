@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import load_branch
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.tracer import Tracer
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.arclength import PseudoArclength
@@ -26,7 +26,7 @@ def test_a_trace_resumed_from_a_file_is_that_without_interruption(problem, branc
         short = tracer.branch()
     assert len(short) == count
     short.save(tmp_path / "part.npz")
-    resumed = trace(HarmonicBalance(duffing(), 5), "omega", (0.5, 1.6), resume=load_branch(tmp_path / "part.npz"))
+    resumed = trace(HarmonicBalance(duffing(), 5), "omega", (0.5, 1.6), resume=Branch.load(tmp_path / "part.npz"))
     check_branch(resumed)
     assert resumed.end is End.SPAN_END
     np.testing.assert_array_equal(resumed.coefficients[:count], short.coefficients)
@@ -64,6 +64,32 @@ def test_resuming_keeps_the_parameters_of_the_branch():
     resumed = trace(problem, "omega", (0.5, 1.6), resume=first, stability=None)
     check_branch(resumed)
     assert resumed.parameters["force"] == 0.3
+
+
+def test_a_branch_whose_force_took_more_samples_is_resumed(tmp_path):
+    """Friction by tanh doubles its samples on the way: the problem that resumes begins with the few it had at first."""
+    friction = System(
+        1.0,
+        0.05,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [0.1 * ca.tanh(20.0 * v[0]) + q[0] ** 3],
+        forcing=lambda tau, p: [0.5 * ca.cos(tau)],
+    )
+    options = {"method": PseudoArclength(max_points=15), "stability": None}
+    short = trace(HarmonicBalance(friction, 5), "omega", (0.3, 2.0), **options)
+    assert short.n_samples[-1] > HarmonicBalance(friction, 5).n_samples
+    short.save(tmp_path / "part.npz")
+    problem = HarmonicBalance(friction, 5)
+    loaded = Branch.load(tmp_path / "part.npz", problem=problem)
+    assert trace(problem, "omega", (0.3, 2.0), resume=loaded, stability=None).end is End.SPAN_END
+
+
+def test_a_branch_of_one_point_is_resumed_the_way_that_is_asked_for(problem):
+    tracer = Tracer(problem, "omega", (0.9, 1.1), at={"omega": 1.0}, stability=None)
+    next(iter(tracer))
+    back = trace(problem, "omega", (0.9, 1.1), resume=tracer.branch(), direction=-1, stability=None)
+    assert back.end is End.SPAN_START
+    assert np.all(np.diff(back.parameter) < 0.0)
 
 
 REFUSED = {

@@ -8,7 +8,7 @@ import pytest
 
 from hbnlp.aero import thin_airfoil
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import load_branch
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.tracing import trace
 from hbnlp.core.callbacks import Autosave
 from hbnlp.core.errors import SaveError, TaskError
@@ -20,7 +20,7 @@ from hbnlp.testing import check_branch
 
 def test_a_branch_is_the_same_after_saving_and_loading(branch, tmp_path, assert_same):
     branch.save(tmp_path / "branch.npz")
-    loaded = load_branch(tmp_path / "branch.npz")
+    loaded = Branch.load(tmp_path / "branch.npz")
     assert_same(branch, loaded)
     check_branch(loaded)
     assert loaded.problem is None
@@ -33,7 +33,7 @@ def test_branch_points_neimark_sacker_and_no_stability_survive_the_file(absorber
     without = trace(HarmonicBalance(chain(3), 3), "omega", (2.5, 0.4), stability=None)
     for branch in (with_stability, without):
         branch.save(tmp_path / "branch.npz")
-        assert_same(branch, load_branch(tmp_path / "branch.npz"))
+        assert_same(branch, Branch.load(tmp_path / "branch.npz"))
 
 
 def test_files_from_before_branch_points_told_what_breaks_load_without_it(tmp_path):
@@ -52,18 +52,18 @@ def test_files_from_before_branch_points_told_what_breaks_load_without_it(tmp_pa
 
 def test_what_is_no_branch_is_refused(branch, tmp_path):
     with pytest.raises(FileNotFoundError):
-        load_branch(tmp_path / "nothing.npz")
+        Branch.load(tmp_path / "nothing.npz")
     (tmp_path / "text.npz").write_text("not an archive")
     with pytest.raises(ValueError, match=r"text\.npz.* is not a readable branch file"):
-        load_branch(tmp_path / "text.npz")
+        Branch.load(tmp_path / "text.npz")
     branch.save(tmp_path / "branch.npz")
     whole = (tmp_path / "branch.npz").read_bytes()
     (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(ValueError, match=r"half\.npz.* is not a readable branch file"):
-        load_branch(tmp_path / "half.npz")
+        Branch.load(tmp_path / "half.npz")
     thin_airfoil(2).save(tmp_path / "rom.npz")
     with pytest.raises(ValueError, match=r"rom\.npz.* holds a .*, not a branch"):
-        load_branch(tmp_path / "rom.npz")
+        Branch.load(tmp_path / "rom.npz")
 
 
 def test_a_full_disk_leaves_the_older_file_and_the_branch_as_they_were(branch, tmp_path, monkeypatch, assert_same):
@@ -84,7 +84,7 @@ def test_a_full_disk_leaves_the_older_file_and_the_branch_as_they_were(branch, t
     assert path.read_bytes() == b"older"
     monkeypatch.undo()
     branch.save(path)
-    assert_same(branch, load_branch(path))
+    assert_same(branch, Branch.load(path))
 
 
 # -- saving on the way -------------------------------------------------------------------------------------------------
@@ -113,7 +113,7 @@ def test_autosave_on_a_full_disk_keeps_the_last_good_file(problem, branch, tmp_p
     traced = trace(problem, "omega", (0.5, 1.6), callbacks=[Autosave(path, seconds=1e-9)])
     assert_same(traced, branch)
     assert "No space left on device" in caplog.text
-    kept = load_branch(path)
+    kept = Branch.load(path)
     check_branch(kept)
     assert len(kept) == 20
     monkeypatch.undo()
@@ -126,7 +126,7 @@ def test_autosave_leaves_a_file_that_resumes_after_an_error(problem, tmp_path, r
     path = tmp_path / "branch.npz"
     with pytest.raises(TaskError):
         trace(problem, "omega", (0.5, 1.6), callbacks=[Autosave(path, seconds=1e-9), raising_at(25, RuntimeError())])
-    kept = load_branch(path)
+    kept = Branch.load(path)
     assert len(kept) == 25
     resumed = trace(problem, "omega", (0.5, 1.6), resume=kept)
     check_branch(resumed)

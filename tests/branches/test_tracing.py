@@ -51,7 +51,7 @@ def test_a_branch_that_turns_back_ends_where_it_came_from():
 
 
 def test_both_directions_from_an_interior_start_cover_the_branch(problem, branch):
-    start = solve(problem, at={"omega": 1.2}, guess=[[0.0, -2.2, 0.5]])
+    start = solve(problem, at={"omega": 1.2}, start=[[0.0, -2.2, 0.5]])
     ahead, back = (trace(problem, "omega", (0.5, 1.6), start=start, direction=d) for d in (1, -1))
     for half in (ahead, back):
         check_branch(half)

@@ -88,9 +88,7 @@ def test_both_mirror_images_of_an_asymmetric_branch_close_where_it_began():
     symmetric = hbnlp.trace(problem, "omega", (0.3, 4.0), stability=None)
     assert len(symmetric.branch_points) == 4
     for point in symmetric.branch_points:
-        starts = hbnlp.switch_branch(problem, point, "omega")
-        first, second = (
-            hbnlp.trace(problem, "omega", (0.3, 4.0), start=s, away_from=point.solution, stability=None) for s in starts
-        )
+        starts = hbnlp.switch_branch(point)
+        first, second = (hbnlp.trace(s, "omega", (0.3, 4.0), stability=None) for s in starts)
         assert first.end is second.end is hbnlp.End.CLOSED
         assert [f.value for f in first.folds] == pytest.approx([f.value for f in second.folds], rel=1e-9)

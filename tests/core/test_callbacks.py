@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import load_branch
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.tracing import trace
 from hbnlp.core.callbacks import Autosave, Progress, ProgressBar, StopTracing
 from hbnlp.core.errors import TaskError
@@ -128,7 +128,7 @@ def test_the_default_prints_nothing(problem, capfd):
 def test_autosave_writes_at_the_end_whatever_its_interval(problem, tmp_path):
     path = tmp_path / "branch.npz"
     branch = trace(problem, "omega", (0.5, 1.6), stability=None, callbacks=[Autosave(path, seconds=3600.0)])
-    loaded = load_branch(path)
+    loaded = Branch.load(path)
     np.testing.assert_array_equal(loaded.coefficients, branch.coefficients)
     assert loaded.end is End.SPAN_END
 
@@ -141,7 +141,7 @@ def test_autosave_writes_every_so_often(problem, tmp_path, monkeypatch):
 
     def clock(_):
         now[0] += 1.0
-        written.append(path.exists() and len(load_branch(path)))
+        written.append(path.exists() and len(Branch.load(path)))
 
     trace(problem, "omega", (0.5, 1.6), stability=None, callbacks=[autosave, clock])
     changes = [b for a, b in itertools.pairwise(written) if a != b]
@@ -157,7 +157,7 @@ def test_autosave_keeps_the_file_when_a_trace_is_stopped(problem, tmp_path):
 
     branch = trace(problem, "omega", (0.5, 1.6), stability=None, callbacks=[Autosave(path, seconds=3600.0), stop])
     assert len(branch) == 9
-    loaded = load_branch(path)
+    loaded = Branch.load(path)
     assert len(loaded) == 9
     assert loaded.end is End.STOPPED
 
@@ -172,7 +172,7 @@ def test_autosave_keeps_the_file_and_the_bar_is_closed_when_a_trace_fails(proble
     callbacks = [fail, Autosave(path, seconds=3600.0), ProgressBar(file=text)]
     with pytest.raises(TaskError, match="from a callback"):
         trace(problem, "omega", (0.5, 1.6), stability=None, callbacks=callbacks)
-    loaded = load_branch(path)
+    loaded = Branch.load(path)
     assert len(loaded) == 9
     assert loaded.end is End.ERROR
     check_branch(loaded)

@@ -34,7 +34,7 @@ def test_a_fold_is_moved_to_the_frequency_asked_for(problem, branch):
     _, up = branch.folds
     shared = Variables({"cubic": (0.01, 1.0)})
     fold = fold_at(problem, shared, up, "omega")
-    bounds = {"first fold": (1.2, fold.parameter("omega"), np.inf)}
+    bounds = {"first fold": (1.2, fold.symbol("omega"), np.inf)}
     optimum = Program(shared, [fold], objective=shared["cubic"], bounds=bounds).solve({"cubic": CUBIC})
     retraced = hbnlp.trace(problem, "omega", (0.7, 2.0), at=optimum.values, stability=None)
     first = retraced.folds[-1]
@@ -49,8 +49,8 @@ def test_two_folds_share_two_variables(problem, branch):
     shared = Variables({"damping_ratio": (0.01, 0.1), "force": (0.05, 0.5)})
     down, up = (fold_at(problem, shared, fold, "omega") for fold in branch.folds)
     bounds = {
-        "up": (1.15, up.parameter("omega"), 1.15),
-        "down": (1.25, down.parameter("omega"), 1.25),
+        "up": (1.15, up.symbol("omega"), 1.15),
+        "down": (1.25, down.symbol("omega"), 1.25),
     }
     program = Program(shared, [down, up], objective=shared["force"], bounds=bounds)
     optimum = program.solve({"damping_ratio": ZETA, "force": FORCE})
@@ -61,7 +61,7 @@ def test_two_folds_share_two_variables(problem, branch):
 def test_a_bound_that_cannot_be_met_is_named_and_the_stopping_point_is_kept(problem, branch):
     shared = Variables({"cubic": (0.01, 0.2)})
     fold = fold_at(problem, shared, branch.folds[1], "omega")
-    bounds = {"first fold": (1.5, fold.parameter("omega"), np.inf)}
+    bounds = {"first fold": (1.5, fold.symbol("omega"), np.inf)}
     program = Program(shared, [fold], objective=shared["cubic"], bounds=bounds)
     with pytest.raises(hbnlp.ConvergenceError, match=r"'first fold'.*relax") as caught:
         program.solve({"cubic": CUBIC})
@@ -85,7 +85,7 @@ def test_load_points_share_a_variable_and_the_tighter_one_is_active():
     assert abs(optimum.multipliers["fast"][0]) < 1e-6
     assert [s.omega for s in optimum.solutions] == [0.6, 1.5]
     for solution in optimum.solutions:
-        again = hbnlp.solve(problem, at=solution.parameters, guess=solution)
+        again = hbnlp.solve(problem, at=solution.parameters, start=solution)
         assert np.allclose(again.coefficients, solution.coefficients, atol=1e-9)
 
 
@@ -115,7 +115,7 @@ def test_a_wing_is_designed_at_its_fold(expand):
         shared,
         [fold],
         objective=shared["prestrain"] / 0.008,
-        bounds={"first fold": (4.2, fold.parameter("omega"), np.inf)},
+        bounds={"first fold": (4.2, fold.symbol("omega"), np.inf)},
         expand=expand,
     )
     optimum = program.solve({"prestrain": 0.008})

@@ -33,7 +33,7 @@ def on_both_branches(branch):
 @pytest.fixture(scope="module")
 def amplitudes(problem, branch):
     def amplitude(set_to, near, **changed):
-        solution = hbnlp.solve(problem, at={**near.parameters, **set_to, **changed}, guess=near)
+        solution = hbnlp.solve(problem, at={**near.parameters, **set_to, **changed}, start=near)
         return abs(solution.harmonics("x")[1])
 
     return lambda **changed: np.array([amplitude(*point, **changed) for point in on_both_branches(branch)])

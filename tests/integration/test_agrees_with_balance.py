@@ -98,7 +98,7 @@ def test_independent_integration_comes_back_to_stable_points(case):
 def test_the_packages_own_integration_has_all_outputs_of_stable_points(case):
     for k in chosen(case, stable=True):
         solution, _, _ = start(case, k)
-        response = integrate(case.system, at=solution.parameters, initial=solution, method=Adaptive())
+        response = integrate(case.system, at=solution.parameters, start=solution, method=Adaptive())
         for output in solution.output_names:
             exact = solution.harmonics(output)
             found = response.harmonics(output, 3)

@@ -29,7 +29,7 @@ def test_runge_kutta_loses_energy_at_its_known_rate():
         oscillator(),
         at={"omega": omega},
         method=RungeKutta4(steps_per_period=steps),
-        initial=[1.0, 0.0],
+        start=[1.0, 0.0],
         max_periods=n,
         throw=False,
     )
@@ -39,7 +39,7 @@ def test_runge_kutta_loses_energy_at_its_known_rate():
 
 def test_the_adaptive_method_keeps_the_energy_to_its_tolerance():
     response = integrate(
-        oscillator(), at={"omega": 0.7}, method=Adaptive(), initial=[1.0, 0.0], max_periods=20, throw=False
+        oscillator(), at={"omega": 0.7}, method=Adaptive(), start=[1.0, 0.0], max_periods=20, throw=False
     )
     assert response.state @ response.state == pytest.approx(1.0, abs=3e-7)
 
@@ -54,7 +54,7 @@ def test_lag_states_much_faster_than_the_motion_are_no_trouble_for_the_stiff_met
 
 @pytest.mark.parametrize("method", [RungeKutta4(steps_per_period=2000), Adaptive()])
 def test_a_diverging_response_names_the_time_at_which_it_does(method):
-    options = {"at": {"omega": 1.0}, "method": method, "initial": [1.0, 1.0]}
+    options = {"at": {"omega": 1.0}, "method": method, "start": [1.0, 1.0]}
     with pytest.raises(ConvergenceError, match=r"stopped at t = (0.9[89]|1.0)\d*, in period 1"):
         integrate(exploding(), **options)
     response = integrate(exploding(), **options, throw=False)
@@ -70,7 +70,7 @@ def test_the_stability_limit_is_that_of_the_scheme():
     def run(h, steps=12):
         method = RungeKutta4(steps_per_period=steps)
         at = {"omega": 2 * np.pi / (steps * h)}
-        return integrate(oscillator(1e-9), at=at, method=method, initial=[1.0, 0.0], max_periods=200, throw=False)
+        return integrate(oscillator(1e-9), at=at, method=method, start=[1.0, 0.0], max_periods=200, throw=False)
 
     assert np.linalg.norm(run(2.82).state) <= 1.0
     with pytest.raises(ValueError, match=r"12 is beyond the stability limit of RK4: \|h lambda\| = 2.84") as caught:

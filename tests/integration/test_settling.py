@@ -103,7 +103,7 @@ def test_runge_kutta_takes_the_classical_steps_also_where_they_fill_no_chunk():
         k3 = rate(y + h / 2 * k2, tau + h / 2)
         y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(y + h * k3, tau + h))
     method = RungeKutta4(steps_per_period=steps)
-    response = integrate(system, at={"omega": omega}, method=method, initial=start, max_periods=1, throw=False)
+    response = integrate(system, at={"omega": omega}, method=method, start=start, max_periods=1, throw=False)
     np.testing.assert_allclose(response.state, y, rtol=1e-12, atol=1e-14)
     assert response.t.shape == (steps,)
     assert response.q.shape == response.v.shape == (steps, 2)
@@ -114,14 +114,14 @@ def test_runge_kutta_takes_the_classical_steps_also_where_they_fill_no_chunk():
 def test_a_start_on_the_periodic_solution_has_no_transient(method):
     system = oscillators_with_lags()
     coefficients = to_real(exact_harmonics(1.3)[0])
-    response = integrate(system, at={"omega": 1.3}, method=method, initial=coefficients)
+    response = integrate(system, at={"omega": 1.3}, method=method, start=coefficients)
     assert response.n_periods == 1
     assert response.defects[0] < 3e-10
     np.testing.assert_allclose(
         state_of(system, coefficients, system.parameters.values({"omega": 1.3})), response.state, atol=1e-9
     )
     solution = SimpleNamespace(coefficients=coefficients, problem=SimpleNamespace(periods=1))
-    again = integrate(system, at={"omega": 1.3}, method=method, initial=solution)
+    again = integrate(system, at={"omega": 1.3}, method=method, start=solution)
     np.testing.assert_array_equal(again.state, response.state)
 
 
@@ -131,7 +131,7 @@ def test_a_start_on_the_periodic_solution_has_no_transient(method):
 )
 def test_both_stable_duffing_responses_are_reached(initial, amplitude):
     system = duffing(damping_ratio=0.025, cubic=0.1, force=0.18)
-    options = {"at": {"omega": 1.2}, "initial": initial, "periodic_tol": 1e-9}
+    options = {"at": {"omega": 1.2}, "start": initial, "periodic_tol": 1e-9}
     adaptive = integrate(system, method=Adaptive(), **options)
     assert abs(adaptive.harmonics("x")[1]) == pytest.approx(amplitude, abs=1e-8)
     fixed = integrate(system, method=RungeKutta4(steps_per_period=512), **options)
@@ -148,14 +148,14 @@ def test_a_subharmonic_response_needs_two_periods():
         parameters={"omega": 2.0},
     )
     with pytest.raises(ConvergenceError, match="periods=2") as caught:
-        integrate(system, initial=[0.5, 0.0], max_periods=300)
+        integrate(system, start=[0.5, 0.0], max_periods=300)
     assert caught.value.result.defects[-1] > 1.0
-    response = integrate(system, initial=caught.value.result, periods=2)
+    response = integrate(system, start=caught.value.result, periods=2)
     assert response.t[-1] < 2 * np.pi < response.t[-1] + 0.02
     harmonics = np.abs(response.harmonics("x", 4))
     assert harmonics[1] > 0.5
     assert harmonics[[0, 2, 4]].max() < 1e-8
-    opposite = integrate(system, initial=to_real(-response.displacement_harmonics(21)), periods=2)
+    opposite = integrate(system, start=to_real(-response.displacement_harmonics(21)), periods=2)
     np.testing.assert_allclose(opposite.state, -response.state, atol=1e-6)
 
 
@@ -226,9 +226,9 @@ def test_a_response_that_does_not_settle_is_an_error_that_carries_it():
         ({"at": {"omga": 1.0}}, KeyError, "did you mean 'omega'"),
         ({"at": {}}, ValueError, "'omega' has no value"),
         ({"at": {"omega": 0.0}}, ValueError, "omega = 0; .* omega > 0"),
-        ({"initial": [0.0, 0.0, 0.0]}, ValueError, r"initial has shape \(3,\); \(2,\) is needed"),
-        ({"initial": [0.0, np.nan]}, ValueError, "not finite"),
-        ({"initial": [[0.0, 1.0]]}, ValueError, r"coefficients have shape \(1, 2\)"),
+        ({"start": [0.0, 0.0, 0.0]}, ValueError, r"start has shape \(3,\); \(2,\) is needed"),
+        ({"start": [0.0, np.nan]}, ValueError, "not finite"),
+        ({"start": [[0.0, 1.0]]}, ValueError, r"coefficients have shape \(1, 2\)"),
         ({"periods": 0}, ValueError, "periods is 0"),
         ({"periods": 3, "max_periods": 2}, ValueError, "max_periods is 2; .* at least 3"),
         ({"periodic_tol": 0.0}, ValueError, "periodic_tol is 0.0"),

@@ -11,9 +11,9 @@ from matplotlib.colors import same_color
 
 from hbnlp.aero import thin_airfoil
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import load_branch
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.extrema import peaks
-from hbnlp.branches.following import fold_curve
+from hbnlp.branches.following import follow
 from hbnlp.branches.tracing import trace
 from hbnlp.core.kinds import Kind
 from hbnlp.plot import EVENT_MARKERS, MARKERS, plot_branch, plot_fold_curve, plot_sweep
@@ -174,7 +174,7 @@ def test_branch_points_are_marked():
 
 def test_a_branch_from_a_file_is_drawn_the_same(branch, tmp_path):
     branch.save(tmp_path / "branch.npz")
-    one, other = branch.plot("x"), load_branch(tmp_path / "branch.npz").plot("x")
+    one, other = branch.plot("x"), Branch.load(tmp_path / "branch.npz").plot("x")
     for a, b in zip(one.get_lines(), other.get_lines(), strict=True):
         np.testing.assert_array_equal(a.get_xydata(), b.get_xydata())
 
@@ -206,7 +206,7 @@ def test_a_time_sweep_is_drawn_as_well():
 
 
 def test_a_fold_curve_is_drawn_in_its_plane_with_its_events(branch):
-    curve = fold_curve(branch.problem, branch.folds[0], "omega", "force")
+    curve = follow(branch.folds[0], "force")
     ax = curve.plot()
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\omega$", "force")
     assert legend(ax) == ["folds", "cusp"]

@@ -55,7 +55,7 @@ def test_a_chain_is_passed_as_often_as_its_points_say_and_each_solution_balances
     found = branch.at(value)
     assert len(found) == passed > 3
     for solution in found:
-        again = hbnlp.solve(branch.problem, at=solution.parameters, guess=solution)
+        again = hbnlp.solve(branch.problem, at=solution.parameters, start=solution)
         size = np.linalg.norm(solution.coefficients)
         assert np.linalg.norm(again.coefficients - solution.coefficients) < 1e-8 * size
 
@@ -63,7 +63,7 @@ def test_a_chain_is_passed_as_often_as_its_points_say_and_each_solution_balances
 def test_a_branch_from_a_file_is_refused(branch, tmp_path):
     branch.save(tmp_path / "branch.npz")
     with pytest.raises(ValueError, match="from a file has no problem"):
-        hbnlp.load_branch(tmp_path / "branch.npz").at(1.2)
+        hbnlp.Branch.load(tmp_path / "branch.npz").at(1.2)
 
 
 def test_stability_needs_a_solution_that_converged_and_its_problem(branch):

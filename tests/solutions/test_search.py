@@ -177,7 +177,7 @@ def test_the_solutions_of_a_fold_set_are_those_that_a_trace_passes():
     for k in crossings:
         share = (at - branch.parameter[k]) / (branch.parameter[k + 1] - branch.parameter[k])
         guess = (1 - share) * branch.coefficients[k] + share * branch.coefficients[k + 1]
-        passed = solve(problem, at={"omega": at}, guess=guess).coefficients
+        passed = solve(problem, at={"omega": at}, start=guess).coefficients
         distances = [np.linalg.norm(passed - s.coefficients) for s in solutions]
         assert min(distances) < 1e-6 * np.linalg.norm(passed)
 
@@ -245,7 +245,7 @@ def test_an_interrupted_search_returns_what_it_found_and_says_so(caplog):
 
     found = find_all(problem, at={"omega": 1.2}, callbacks=[end])
     check_solutions(problem, found)
-    assert f"searching was interrupted after {len(found)} solutions" in caplog.text
+    assert f"searching: interrupted after {len(found)} solutions" in caplog.text
     assert [p.value for p in seen] == [0, 1, 2, 2]
     assert seen[-1].result() == found
     assert seen[-1].fraction == 2 / 40

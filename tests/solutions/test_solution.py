@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.branch import load_branch
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.tracing import trace
 from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing
@@ -49,9 +49,9 @@ def test_one_time_gives_one_value(solution):
 def test_an_expression_of_the_program_is_evaluated(solution):
     problem = solution.problem
     assert solution(problem.amplitude_squared("x")) == pytest.approx(abs(solution.harmonics("x")[1]) ** 2)
-    assert solution(problem.parameter("force") * 2.0) == pytest.approx(0.36)
+    assert solution(problem.symbol("force") * 2.0) == pytest.approx(0.36)
     np.testing.assert_allclose(solution(problem.output("x")), solution.coefficients[0], atol=1e-14)
-    work = ca.vertcat(problem.coefficients(0)[2] * problem.parameter("omega"), 1.0)
+    work = ca.vertcat(problem.coefficients(0)[2] * problem.symbol("omega"), 1.0)
     np.testing.assert_allclose(solution(work), [1.2 * solution.coefficients[0, 2], 1.0])
 
 
@@ -77,7 +77,7 @@ def test_the_repr_is_at_most_five_lines():
 def test_a_solution_from_a_file_says_that_it_has_no_problem(tmp_path):
     problem = HarmonicBalance(duffing(), 1)
     trace(problem, "omega", (0.5, 0.6), stability=None).save(tmp_path / "branch.npz")
-    loaded = load_branch(tmp_path / "branch.npz").solution(0)
+    loaded = Branch.load(tmp_path / "branch.npz").solution(0)
     assert loaded.harmonics("x").shape == (2,)
     with pytest.raises(ValueError, match="a solution from a file has no problem"):
         loaded(problem.amplitude_squared("x"))

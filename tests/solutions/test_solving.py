@@ -58,7 +58,7 @@ def test_duffing_with_one_harmonic_is_the_closed_form(amplitude, z, g, side):
     exact = one_harmonic(amplitude, omega, z, g, force)
     assert np.hypot(*exact[0, 1:]) == pytest.approx(amplitude, rel=1e-9)
     problem = HarmonicBalance(duffing(damping_ratio=z, cubic=g, force=force), 1)
-    solution = solve(problem, at={"omega": omega}, guess=exact * (1.0 + 1e-4))
+    solution = solve(problem, at={"omega": omega}, start=exact * (1.0 + 1e-4))
     size = np.linalg.norm(np.linalg.inv(problem.assembly.jacobian(exact.ravel(), problem.values({"omega": omega}))))
     np.testing.assert_allclose(solution.coefficients, exact, atol=1e-9 * amplitude + 1e-14 * size)
 
@@ -77,7 +77,7 @@ def test_all_methods_find_the_three_tabulated_solutions(method, amplitude):
     omega, (z, g, force) = 1.2, (0.025, 0.1, 0.18)
     problem = HarmonicBalance(duffing(damping_ratio=z, cubic=g, force=force), 11)
     guess = one_harmonic(amplitude, omega, z, g, force)
-    solution = solve(problem, at={"omega": omega}, guess=guess, method=method)
+    solution = solve(problem, at={"omega": omega}, start=guess, method=method)
     assert solution.converged
     assert abs(solution.harmonics("x")[1]) == pytest.approx(amplitude, abs=1e-10)
     values = problem.values(solution.parameters)
@@ -148,23 +148,23 @@ def test_rest_is_the_answer_to_no_load():
 def test_a_guess_may_be_a_solution_of_another_number_of_harmonics_or_an_array():
     at = {"omega": 1.2}
     guess = one_harmonic(AMPLITUDES[2], 1.2, 0.025, 0.1, 0.18)
-    few = solve(HarmonicBalance(duffing(), 3), at=at, guess=guess)
-    many = solve(HarmonicBalance(duffing(), 11), at=at, guess=few)
-    again = solve(HarmonicBalance(duffing(), 11), at=at, guess=few.coefficients.tolist())
+    few = solve(HarmonicBalance(duffing(), 3), at=at, start=guess)
+    many = solve(HarmonicBalance(duffing(), 11), at=at, start=few)
+    again = solve(HarmonicBalance(duffing(), 11), at=at, start=few.coefficients.tolist())
     assert abs(many.harmonics("x")[1]) == pytest.approx(AMPLITUDES[2], abs=1e-10)
     np.testing.assert_array_equal(again.coefficients, many.coefficients)
 
 
 def test_a_guess_is_left_as_it_was():
     guess = np.array([[0.0, 0.4, 0.1]])
-    solve(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, guess=guess)
+    solve(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, start=guess)
     np.testing.assert_array_equal(guess, [[0.0, 0.4, 0.1]])
 
 
 def test_a_guess_of_another_shape_is_refused():
     for guess in (np.zeros(3), np.zeros((2, 3)), np.zeros((1, 4))):
         with pytest.raises(ValueError, match=r"coefficients have shape .*; \(1, 2H\+1\) is needed"):
-            solve(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, guess=guess)
+            solve(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, start=guess)
 
 
 # -- errors ------------------------------------------------------------------------------------------------------------
@@ -176,14 +176,14 @@ def test_a_guess_of_another_shape_is_refused():
 def test_a_solve_that_does_not_converge_says_where_why_and_what_to_do_and_keeps_what_it_has(method):
     problem = HarmonicBalance(duffing(), 5)
     guess = np.full((1, 11), 50.0)
-    with pytest.raises(ConvergenceError, match=r"no solution at .*omega=1\.2: .+ try another guess") as caught:
-        solve(problem, at={"omega": 1.2}, guess=guess, method=method)
+    with pytest.raises(ConvergenceError, match=r"no solution at .*omega=1\.2: .+ try another start") as caught:
+        solve(problem, at={"omega": 1.2}, start=guess, method=method)
     result = caught.value.result
     assert result.status is Status.NOT_CONVERGED
     assert not result.converged
     assert result.coefficients.shape == (1, 11)
     assert result.parameters["omega"] == 1.2
-    returned = solve(problem, at={"omega": 1.2}, guess=guess, method=method, throw=False)
+    returned = solve(problem, at={"omega": 1.2}, start=guess, method=method, throw=False)
     assert returned.status is Status.NOT_CONVERGED
     assert returned.statistics["reason"]
 
@@ -191,7 +191,7 @@ def test_a_solve_that_does_not_converge_says_where_why_and_what_to_do_and_keeps_
 def test_a_load_without_a_periodic_answer_does_not_converge():
     """An undamped linear oscillator at resonance."""
     system = System(1.0, 0.0, 1.0, forcing=lambda tau, p: [ca.cos(tau)])
-    with pytest.raises(ConvergenceError, match=r"no solution at omega=1: .+ try another guess"):
+    with pytest.raises(ConvergenceError, match=r"no solution at omega=1: .+ try another start"):
         solve(HarmonicBalance(system, 3), at={"omega": 1.0})
 
 
@@ -199,7 +199,7 @@ def test_a_load_without_a_periodic_answer_does_not_converge():
 @pytest.mark.parametrize("force", [lambda x, v: ca.sqrt(x), lambda x, v: ca.log(x)], ids=["derivative", "value"])
 def test_a_force_that_is_not_finite_at_rest_is_named_with_a_remedy(method, force):
     with pytest.raises(
-        NonFiniteError, match=r"nonlinear_force.* is not finite at rest .*smooth it there, or give a guess"
+        NonFiniteError, match=r"nonlinear_force.* is not finite at rest .*smooth it there, or give a start"
     ):
         solve(HarmonicBalance(oscillator(force), 3), at={"omega": 1.2}, method=method)
 
@@ -207,13 +207,13 @@ def test_a_force_that_is_not_finite_at_rest_is_named_with_a_remedy(method, force
 def test_a_force_that_is_not_finite_at_rest_alone_is_solved_from_a_guess():
     """A pendulum of two charges: 1/x on the way, singular at rest."""
     system = oscillator(lambda x, v: -1.0 / x, load=0.1)
-    solution = solve(HarmonicBalance(system, 5, n_samples=64), at={"omega": 0.5}, guess=[[1.0, 0.0, 0.0]])
+    solution = solve(HarmonicBalance(system, 5, n_samples=64), at={"omega": 0.5}, start=[[1.0, 0.0, 0.0]])
     assert solution.harmonics("x")[0].real == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_guess_that_is_not_finite_is_refused():
-    with pytest.raises((NonFiniteError, ValueError), match="guess"):
-        solve(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, guess=np.full((1, 7), np.nan))
+    with pytest.raises((NonFiniteError, ValueError), match="start"):
+        solve(HarmonicBalance(duffing(), 3), at={"omega": 1.2}, start=np.full((1, 7), np.nan))
 
 
 @pytest.mark.parametrize("method", ["newton", 3, Newton])
@@ -266,8 +266,8 @@ def test_a_solution_of_one_period_starts_a_problem_of_two():
     one = HarmonicBalance(duffing(), 3)
     two = HarmonicBalance(duffing(), 6, periods=2)
     solution = solve(one, at={"omega": 1.1})
-    again = solve(two, at={"omega": 1.1}, guess=solution)
+    again = solve(two, at={"omega": 1.1}, start=solution)
     assert again.statistics["iterations"] <= 2
     np.testing.assert_allclose(again.coefficients[:, 3:5], solution.coefficients[:, 1:3], atol=1e-12)
     with pytest.raises(ValueError, match=r"2 period\(s\) and the problem 1"):
-        solve(one, at={"omega": 1.1}, guess=again)
+        solve(one, at={"omega": 1.1}, start=again)

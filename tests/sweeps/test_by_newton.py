@@ -97,7 +97,7 @@ def test_any_parameter_is_marched_and_the_rest_kept(problem):
 
 
 def test_a_sweep_begins_from_a_solution_that_is_given(problem):
-    start = solve(problem, at={"omega": 1.2}, guess=[[0.0, 1.37, 2.1]])
+    start = solve(problem, at={"omega": 1.2}, start=[[0.0, 1.37, 2.1]])
     result = sweep(problem, "omega", [1.21, 1.25], start=start)
     assert result.jumps.size == 0
     assert abs(result.harmonics("x")[0, 1]) > 2.4

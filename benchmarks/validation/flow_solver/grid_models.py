@@ -70,7 +70,7 @@ def solved(wing: hbnlp.System) -> Model:
         for omega in omegas:
             # the first passage: the branch may fold further on
             passage = int(np.flatnonzero(np.diff(np.sign(branch.parameter - omega)))[0])
-            solution = hbnlp.solve(problem, at={**at, "omega": omega}, guess=branch.solution(passage))
+            solution = hbnlp.solve(problem, at={**at, "omega": omega}, start=branch.solution(passage))
             side[2.5, omega] = complex(solution.harmonics("C_L")[1])
     return Model(upper, lower, (time.process_time() - begun) / (len(upper) + len(lower)))
 

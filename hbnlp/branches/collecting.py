@@ -25,6 +25,11 @@ class Traced:
     floquet: FloquetResult | None
     special_points: tuple[SpecialPoint, ...]
 
+    @property
+    def n_samples(self) -> int:
+        """Samples of the force."""
+        return self.curve.problem.n_samples
+
 
 def make_branch(
     records: Sequence[Traced],
@@ -82,7 +87,7 @@ def _columns(records: Sequence[Traced], curve: Equations) -> dict[str, Any]:
     results = [record.floquet for record in records if record.floquet is not None]
     complete = bool(results) and len(results) == len(records)
     return {
-        "parameter": np.array([record.point.parameter for record in records]),
+        "parameter": np.array([record.point.value for record in records]),
         "coefficients": coefficients,
         "amplitudes": problem.output_harmonics(unknowns, values) if len(records) else empty,
         "multipliers": np.array([r.multipliers for r in results]) if complete else None,
@@ -92,5 +97,5 @@ def _columns(records: Sequence[Traced], curve: Equations) -> dict[str, Any]:
         "arclength": np.array([record.point.arclength for record in records]),
         "residual": np.array([record.point.residual for record in records]),
         "iterations": np.array([record.point.iterations for record in records], dtype=int),
-        "n_samples": np.array([record.curve.problem.n_samples for record in records], dtype=int),
+        "n_samples": np.array([record.n_samples for record in records], dtype=int),
     }

@@ -1,0 +1,56 @@
+"""Old names: they are errors that say the new one."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def renamed_arguments(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator for a function whose arguments have other names now: ``renamed_arguments(guess="start")``.
+
+    What stands for the new name is put into the message as it is, so that it may be a sentence.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            for old in names.keys() & kwargs.keys():
+                name = getattr(function, "__qualname__", "function").removesuffix(".__init__")
+                raise TypeError(f"{name}() has no argument {old!r} any more: {_now(names[old])}")
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate
+
+
+def fewer_arguments(most: int, write: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator for a function that takes at most so many positional arguments now, and took more."""
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            if len(args) > most:
+                name = getattr(function, "__name__", "function")
+                raise TypeError(f"{name}() takes no more than {most} arguments by position now: {_now(write)}")
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate
+
+
+def renamed_name(owner: str, name: str, names: Mapping[str, str]) -> AttributeError:
+    """Return the error for an attribute that is not there, which names the new one if it is an old one."""
+    if name in names:
+        return AttributeError(f"{owner} has no {name!r} any more: {_now(names[name])}", name=name)
+    return AttributeError(f"{owner} has no attribute {name!r}", name=name)
+
+
+def _now(new: str) -> str:
+    return f"it is {new!r} now" if new.isidentifier() else f"write {new}"
