@@ -127,7 +127,8 @@ class Solution:
         """
         attached(self).system.invariance.check(symmetry, self.parameters)
         image = self.with_coefficients(moved(self.coefficients, symmetry, self.periods))
-        return replace(image, statistics={**self.statistics, "start": f"image by {symmetry.name}"})
+        origin = self.origin.image(symmetry) if self.origin is not None else None
+        return replace(image, statistics={**self.statistics, "start": f"image by {symmetry.name}"}, origin=origin)
 
     def with_coefficients(self, coefficients: Array) -> Solution:
         """Return the same record with other coefficients of this motion, and the outputs that go with them."""

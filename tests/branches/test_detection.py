@@ -332,7 +332,7 @@ def test_a_duffing_oscillator_under_a_large_load_loses_its_half_period_sign_chan
         assert point.breaks.name == "half-period sign change"
         assert "breaks 'half-period sign change', between" in repr(point)
         assert point.solution.is_odd
-        one, other = switch_branch(problem, point, "omega")
+        one, other = switch_branch(point)
         assert not one.is_odd
         assert relation(one, other, tol=1e-3) in (None, point.breaks)  # None: they lie at different frequencies
     assert all(fold.breaks is None for fold in branch.folds)
@@ -359,9 +359,15 @@ def test_equal_oscillators_in_phase_lose_what_swaps_them():
     for point in branch.branch_points:
         assert point.breaks == SWAP
         assert len(point.solution.symmetries) == 3
-        one, other = switch_branch(problem, point, "omega")
+        one, other = switch_branch(point)
         assert [each.name for each in one.symmetries] == ["half-period sign change"]
         assert relation(one, other) == SWAP
+        image = one.image(SWAP)
+        np.testing.assert_allclose(image.origin.coefficients, one.origin.coefficients, atol=1e-9)
+        short = PseudoArclength(max_points=10)
+        there, mirrored = (trace(s, "omega", (0.8, 2.5), stability=None, method=short) for s in (other, image))
+        np.testing.assert_allclose(mirrored.parameter, there.parameter, rtol=1e-8)
+        np.testing.assert_allclose(mirrored.coefficients, there.coefficients, atol=1e-7)
 
 
 def test_a_plain_crossing_breaks_nothing():
@@ -385,7 +391,7 @@ def test_rest_under_a_pump_loses_the_sign_change_and_half_a_period_but_not_both(
     problem = HarmonicBalance(system, 5)
     branch = trace(problem, "omega", (0.7, 1.3), start=np.zeros((1, 11)), stability=None)
     assert [point.breaks.name for point in branch.branch_points] == ["sign change", "sign change"]
-    (start, _) = switch_branch(problem, branch.branch_points[0], "omega")
+    (start, _) = switch_branch(branch.branch_points[0])
     assert [each.name for each in start.symmetries] == ["half-period sign change"]
 
 

@@ -45,7 +45,7 @@ def test_files_from_before_branch_points_told_what_breaks_load_without_it(tmp_pa
     for entry in metadata["special_points"]:
         del entry["breaks"]
     save_arrays(tmp_path / "older.npz", "branch", arrays, metadata)
-    older = load_branch(tmp_path / "older.npz")
+    older = Branch.load(tmp_path / "older.npz")
     assert [point.value for point in older.special_points] == [point.value for point in branch.special_points]
     assert all(point.breaks is None for point in older.special_points)
 

@@ -193,7 +193,7 @@ def test_turns_of_angles_by_two_pi_are_one_motion():
             **options,
         )
         problem = HarmonicBalance(system, 3)
-        return [solve(problem, at={"omega": 2.0}, guess=[[mean, *[0.0] * 6]]) for mean in (np.pi, -np.pi, 7 * np.pi)]
+        return [solve(problem, at={"omega": 2.0}, start=[[mean, *[0.0] * 6]]) for mean in (np.pi, -np.pi, 7 * np.pi)]
 
     assert all(same_motion(a, b) for a in standing(angles=["x"]) for b in standing(angles=[0]))
     up, down, far = standing()
