@@ -16,6 +16,7 @@ from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import Kind
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations
+from hbnlp.solutions.identity import broken_in
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import FloquetResult
 
@@ -232,6 +233,7 @@ def _branch_point(curve: Equations, before: Point, after: Point, index: int) -> 
     """Return the branch point that the continuation located on its way to ``after``."""
     assert after.branch_point is not None
     point = after.branch_point
+    solution, null = curve.solution(point.y, residual=point.residual), curve.coefficients(point.null)
     return SpecialPoint(
         kind=Kind.BRANCH_POINT,
         name=curve.name,
@@ -239,8 +241,9 @@ def _branch_point(curve: Equations, before: Point, after: Point, index: int) -> 
         bracket=(before.value, after.value),
         index=index,
         refined=True,
-        solution=curve.solution(point.y, residual=point.residual),
-        null=curve.coefficients(point.null),
+        solution=solution,
+        null=null,
+        breaks=broken_in(solution, null, floor=curve.unknowns.size_of(point.y)),
     )
 
 

@@ -12,6 +12,7 @@ from hbnlp.core.kept import built_once
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
 from hbnlp.systems.parameters import ParameterSet
+from hbnlp.systems.symmetry import Symmetry
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +36,10 @@ class Definition(FieldsAlone):
         (tau, p) -> (forcing, u).
     outputs : casadi.Function
         (q, q', q'', x, tau, p) -> all outputs in the order of their names.
+    symmetries : tuple of Symmetry
+        Those of the user.
+    angles : tuple of int
+        Numbers of the displacements that count modulo 2 pi.
     """
 
     name: str
@@ -47,6 +52,8 @@ class Definition(FieldsAlone):
     force: ca.Function
     signals: ca.Function
     outputs: ca.Function
+    symmetries: tuple[Symmetry, ...]
+    angles: tuple[int, ...]
 
     @built_once
     def content(self) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -16,6 +16,7 @@ from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.types import Array
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.definition import Definition
+from hbnlp.systems.equivariance import Equivariance
 from hbnlp.systems.expressions import (
     Force,
     Matrix,
@@ -30,8 +31,10 @@ from hbnlp.systems.expressions import (
     motion_derivatives,
     numbers,
 )
+from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmetries, names_of_displacements
 from hbnlp.systems.parameters import Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
+from hbnlp.systems.symmetry import Symmetry
 
 
 class System:
@@ -63,13 +66,23 @@ class System:
         K_u, D_u, M_u.
     lag_motion : array (m, n_u), optional
         B_u.
+    symmetries : sequence of Symmetry, optional
+        What the equations are invariant under: permutations of equal parts, reflections, with shifts of the phase. They
+        are checked, at the default parameters (at 1 where there is none), and used wherever they hold. The change of
+        sign, half a forcing period and both together are found without being named.
+    angles : sequence of str or int, optional
+        Displacements that count modulo 2 pi, by name or number from 0. Where angles only turn together, as those of
+        pendulums on a common spring, take their differences as coordinates.
     name : str
         Used in the repr, in plots and in saved files.
 
     Raises
     ------
     ValueError
-        For a matrix or force of the wrong shape, a value that is not finite, or a name that is not known.
+        For a matrix or force of the wrong shape, a value that is not finite, or a symmetry or angle that the equations
+        do not have: the message says in which term, and by how much.
+    KeyError
+        For an angle that is no displacement.
 
     Attributes
     ----------
@@ -116,6 +129,8 @@ class System:
         input_damping: Matrix | None = None,
         input_mass: Matrix | None = None,
         lag_motion: ArrayLike | None = None,
+        symmetries: Sequence[Symmetry] = (),
+        angles: Sequence[str | int] = (),
         name: str = "system",
     ) -> None:
         known = ParameterSet(parameters or {})
@@ -142,6 +157,7 @@ class System:
         load = column("forcing", forcing(tau, named), n) if forcing else ca.SX.zeros(n)
         _check_signals(known, force, load, u, (q, v, tau, p))
         rules = dict(outputs) if outputs is not None else displacements(n)
+        signals = compiled_outputs(rules, (q, v, tau, p), u, m, named)
         self._set_up(
             Definition(
                 name=name,
@@ -153,9 +169,13 @@ class System:
                 matrices=ca.Function("matrices", [p], [m_q, d_q, k_q, l_x, k_u, d_u, m_u]),
                 force=ca.Function("force", [q, v, tau, p], [force]),
                 signals=ca.Function("signals", [tau, p], [load, u]),
-                outputs=compiled_outputs(rules, (q, v, tau, p), u, m, named),
+                outputs=signals,
+                symmetries=list_of_symmetries(symmetries, n),
+                angles=angle_positions(angles, names_of_displacements(signals, tuple(rules)), n),
             )
         )
+        if self.symmetries or self.angles:
+            self.invariance.check_given(self.angles)
 
     def _set_up(self, definition: Definition) -> None:
         self._definition = definition
@@ -163,6 +183,7 @@ class System:
         self.lag_state, self.lag_input = definition.lag_state, definition.lag_input
         self.lag_motion = definition.lag_motion
         self.outputs = definition.outputs
+        self.symmetries, self.angles = definition.symmetries, definition.angles
         self.p, self.tau = ca.SX.sym("p", len(self.parameters.names)), ca.SX.sym("tau")
         matrices = definition.matrices.call([self.p])
         self.mass, self.damping, self.stiffness, self.lag_output = matrices[:4]
@@ -260,6 +281,28 @@ class System:
         if not np.all(np.isfinite(force_q)) or not np.all(np.isfinite(force_v)):
             raise NonFiniteError("the derivative of nonlinear_force is not finite at rest; smooth it there")
         return plant.state_matrix(force_q, force_v)
+
+    # -- symmetries -------------------------------------------------------------------------------------------------
+
+    def symmetries_at(self, at: Mapping[str, float] | Array | None = None) -> tuple[Symmetry, ...]:
+        """Return the symmetries of the equations at parameter values, all but the identity.
+
+        They form a group with it: the named ones that hold there come first, then the change of sign with half a
+        forcing period, the change of sign and half a period where they hold, then products of these.
+
+        Parameters
+        ----------
+        at : mapping or array (n_parameters,), optional
+            Overrides of the defaults by name, or all values in order. omega counts as 1 where it has no value.
+        """
+        return self.invariance.at(at)
+
+    @built_once
+    def invariance(self) -> Invariance:
+        """What tells the symmetries of the equations from those that they lack, and by how much."""
+        omega, force = self.parameters.index("omega"), self.compiled_force.value
+        equations = Equivariance(self.matrices, force, self.excitation, self.lag_state, self.lag_input, omega)
+        return Invariance(equations, self.parameters, self.symmetries)
 
     # -- copies and other processes ---------------------------------------------------------------------------------
 
