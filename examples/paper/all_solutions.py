@@ -46,8 +46,8 @@ def explore(problem, span, frequencies, **options):
     def reached(omega):
         return [solution for branches in found.values() for branch in branches for solution in branch.at(omega)]
 
-    def trace(how, subject, **at):
-        found[how].append(hbnlp.trace(subject, "omega", span, **at, **options))
+    def trace(how, subject, **more):
+        found[how].append(hbnlp.trace(subject, "omega", span, **more, **options))
         print(f"{how}: {found[how][-1]!r}")
         return found[how][-1]
 
@@ -61,7 +61,7 @@ def explore(problem, span, frequencies, **options):
         moderate = [s for s in solutions if abs(membrane.camber(s.displacement(phase / omega))).max() < 0.5]
         for solution in moderate:
             if not is_among(solution, reached(omega)) and not trace("by the search", solution).closed:
-                trace("by the search", start=solution, direction=-1)
+                trace("by the search", solution, direction=-1)
         assert all(is_among(solution, reached(omega)) for solution in moderate)
         counts.append(len(moderate))
         print(f"omega = {omega:g}: {len(moderate)} solutions with a camber below 0.5, all on the branches")
