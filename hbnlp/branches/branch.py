@@ -12,9 +12,9 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
-from hbnlp.core.checks import counted, position
+from hbnlp.core.checks import counted
 from hbnlp.core.kinds import End, Kind
-from hbnlp.core.records import Layout, attributes_of, parts_of, values_along
+from hbnlp.core.records import AlongParameter, Layout, attributes_of, parts_of
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.attaching import check_belongs
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Branch:
+class Branch(AlongParameter):
     """Points along a curve of periodic solutions, in order.
 
     Attributes
@@ -88,21 +88,10 @@ class Branch:
     refused: int
     problem: HarmonicBalance | None = field(default=None, repr=False)
 
-    def __len__(self) -> int:
-        return int(self.parameter.size)
-
     @property
     def n_harmonics(self) -> int:
         """Number of harmonics H."""
         return int(self.coefficients.shape[2] - 1) // 2
-
-    def harmonics(self, output: str) -> ComplexArray:
-        """Return the complex amplitudes (n_points, H+1) of a named output: ``a_0`` and ``a_{2h-1} - i a_{2h}``."""
-        return self.amplitudes[:, position("output", output, self.output_names)]
-
-    def values(self, name: str) -> Array:
-        """Return the values (n_points,) of a parameter, the one that is continued in or another."""
-        return values_along(self, name)
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution."""

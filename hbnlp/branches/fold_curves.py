@@ -11,9 +11,8 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.arclength import Stop
-from hbnlp.core.checks import unknown_name
 from hbnlp.core.kinds import FoldEvent
-from hbnlp.core.records import Layout, attributes_of, parts_of
+from hbnlp.core.records import Layout, attributes_of, parts_of, values_of
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
@@ -87,12 +86,7 @@ class FoldBranch:
 
     def values(self, name: str) -> Array:
         """Return the values (n_points,) of a parameter, one of the two or another."""
-        for own, column in zip(self.names, (self.first, self.second), strict=True):
-            if name == own:
-                return column
-        if name not in self.parameters:
-            raise KeyError(unknown_name("parameter", name, [*self.names, *self.parameters]))
-        return np.full(len(self), self.parameters[name])
+        return values_of(name, dict(zip(self.names, (self.first, self.second), strict=True)), self.parameters)
 
     def solution(self, index: int) -> Solution:
         """Return the motion at one fold.

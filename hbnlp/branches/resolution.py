@@ -14,9 +14,9 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, position, real_number, whole_number
+from hbnlp.core.checks import instance_of, real_number, whole_number
 from hbnlp.core.kinds import Status
-from hbnlp.core.records import Layout, load_record, save_record
+from hbnlp.core.records import AlongParameter, Layout, load_record, save_record
 from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.attaching import check_belongs
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ResolvedBranch:
+class ResolvedBranch(AlongParameter):
     """A branch with as many harmonics at each point as a tolerance asks for.
 
     Attributes
@@ -68,9 +68,6 @@ class ResolvedBranch:
     message: str
     problem: HarmonicBalance | None = field(default=None, repr=False)
 
-    def __len__(self) -> int:
-        return int(self.parameter.size)
-
     @property
     def complete(self) -> bool:
         """Whether all points of the branch were treated."""
@@ -80,10 +77,6 @@ class ResolvedBranch:
     def reached(self) -> BoolArray:
         """Whether the tolerance is met, (n_points,)."""
         return np.asarray(self.truncation_error <= self.tolerance)
-
-    def harmonics(self, output: str) -> ComplexArray:
-        """Return the complex amplitudes (n_points, H + 1) of a named output, zero beyond those of a point."""
-        return self.amplitudes[:, position("output", output, self.output_names)]
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution with its own number of harmonics."""

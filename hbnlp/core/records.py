@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import position, unknown_name
 from hbnlp.core.storage import load_arrays, save_arrays
-from hbnlp.core.types import Array
+from hbnlp.core.types import Array, ComplexArray
 
 
 class Layout(NamedTuple):
@@ -67,36 +67,47 @@ def attributes_of(
     return content | {name: tuple(v) if isinstance(v := metadata[name], list) else v for name in layout.metadata}
 
 
-class Along(Protocol):
-    """A record along values of one parameter."""
+class AlongParameter:
+    """What records of solutions along one parameter have in common."""
 
-    @property
-    def name(self) -> str:
-        """The parameter that varies."""
-        ...
+    name: str
+    parameter: Array
+    amplitudes: ComplexArray
+    output_names: tuple[str, ...]
+    parameters: Mapping[str, float]
 
-    @property
-    def parameter(self) -> Array:
-        """Its values."""
-        ...
+    def __len__(self) -> int:
+        return int(self.parameter.size)
 
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Values of the others."""
-        ...
+    def harmonics(self, output: str) -> ComplexArray:
+        """Return the complex amplitudes (n_points, H+1) of a named output: ``a_0`` and ``a_{2h-1} - i a_{2h}``."""
+        return self.amplitudes[:, position("output", output, self.output_names)]
+
+    def values(self, name: str) -> Array:
+        """Return the values (n_points,) of a parameter, the one that varies or another."""
+        return values_of(name, {self.name: self.parameter}, self.parameters)
 
 
-def values_along(record: Along, name: str) -> Array:
-    """Return the values of a parameter at all points of a record, (n_points,)."""
+def values_of(name: str, columns: Mapping[str, Array], others: Mapping[str, float]) -> Array:
+    """Return the values of a parameter at all points of a record, (n_points,).
+
+    Parameters
+    ----------
+    name : str
+    columns : mapping of names to arrays (n_points,)
+        The parameters that vary.
+    others : mapping of names to values
+    """
     if not isinstance(name, str):
         raise TypeError(
             f"values({name!r}): give the name of a parameter; those of one point are solution({name!r}).parameters"
         )
-    if name == record.name:
-        return record.parameter
-    if name not in record.parameters:
-        raise KeyError(unknown_name("parameter", name, [record.name, *record.parameters]))
-    return np.full(record.parameter.size, record.parameters[name])
+    if name in columns:
+        return columns[name]
+    if name not in others:
+        raise KeyError(unknown_name("parameter", name, [*dict.fromkeys([*columns, *others])]))
+    n_points = next(iter(columns.values())).size
+    return np.full(n_points, others[name])
 
 
 def _plain(value: Any) -> Any:

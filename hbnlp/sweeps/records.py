@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import instance_of, position
+from hbnlp.core.checks import instance_of
 from hbnlp.core.kinds import Status
-from hbnlp.core.records import Layout, load_record, save_record, values_along
+from hbnlp.core.records import AlongParameter, Layout, load_record, save_record
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.solution import Solution
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
+class Sweep(AlongParameter):
     """Solutions along values of one parameter, in the order of marching.
 
     Attributes
@@ -69,17 +69,6 @@ class Sweep:
     complete: bool
     message: str
     problem: HarmonicBalance | None = field(default=None, repr=False)
-
-    def __len__(self) -> int:
-        return int(self.parameter.size)
-
-    def harmonics(self, output: str) -> ComplexArray:
-        """Return the complex amplitudes (k, H+1) of a named output."""
-        return self.amplitudes[:, position("output", output, self.output_names)]
-
-    def values(self, name: str) -> Array:
-        """Return the values (k,) of a parameter, the one that varies or another."""
-        return values_along(self, name)
 
     def solution(self, index: int) -> Solution:
         """Return one value as a Solution."""
@@ -136,7 +125,7 @@ class Sweep:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class TimeSweep:
+class TimeSweep(AlongParameter):
     """Responses along a range of one parameter, in the order in which they were integrated.
 
     Attributes
@@ -195,23 +184,12 @@ class TimeSweep:
     n_periods: IntArray
     jumps: IntArray
     jump_brackets: Array
-    parameters: dict[str, float]
+    parameters: Mapping[str, float]
     periods: int
     method: str
     complete: bool
     message: str
     system: System | None = None
-
-    def __len__(self) -> int:
-        return int(self.parameter.size)
-
-    def harmonics(self, output: str) -> ComplexArray:
-        """Return the complex amplitudes (k, H+1) of a named output."""
-        return self.amplitudes[:, position("output", output, self.output_names)]
-
-    def values(self, name: str) -> Array:
-        """Return the values (k,) of a parameter, the one that varies or another."""
-        return values_along(self, name)
 
     def solution(self, index: int) -> Solution:
         """Return one response as a Solution: a start for a balance, or to compare with it."""

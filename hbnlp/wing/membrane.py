@@ -98,7 +98,7 @@ class Membrane(FieldsAlone, ABC):
         return np.asarray(self.shape(x) @ np.asarray(W, dtype=float))
 
     def camber(self, W: ArrayLike) -> Array:
-        """Return the largest |w| along the chord, (...), of amplitudes (N, ...), to some 1e-8 of it."""
+        """Return the largest ``|w|`` along the chord, (...), of amplitudes (N, ...), to some 1e-8 of it."""
         amplitudes = np.asarray(W, dtype=float)
         columns = amplitudes.reshape(self.n_modes, -1)
         n_intervals = 16 * self.n_modes
