@@ -15,7 +15,7 @@ from hbnlp.continuation.point import start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, SamplingError
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
@@ -200,7 +200,7 @@ class _Motions:
         """Add what Newton's method makes of a guess; ``start`` says where it is from."""
         try:
             solution = attempt(self._problem, self._values, guess, self._options.newton, start=start)
-        except ValueError:  # it takes more samples than a smooth force does: no motion of so few harmonics
+        except SamplingError:  # it takes more samples than a smooth force does: no motion of so few harmonics
             return
         self.add(solution)
 
