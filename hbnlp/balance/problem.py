@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.assembly import Assembly
+from hbnlp.balance.outputs import OutputHarmonics
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
 from hbnlp.core.kept import Kept
@@ -232,7 +233,15 @@ class HarmonicBalance:
         if n_out == 0:
             return np.zeros((count, 0, self.n_harmonics + 1), dtype=complex)
         columns = self.output_function.map(count)(points.T, parameters.T).full()
-        return to_complex(columns.reshape(n_out, count, self.shape[1]).transpose(1, 0, 2))
+        coefficients = columns.reshape(n_out, count, self.shape[1]).transpose(1, 0, 2)
+        if self._checked_outputs.indices:
+            for k in range(count):
+                coefficients[k, self._checked_outputs.indices] = self._checked_outputs.at(points[k], parameters[k])
+        return to_complex(coefficients)
+
+    @cached_property
+    def _checked_outputs(self) -> OutputHarmonics:
+        return OutputHarmonics(self.system, self.sampling)
 
     def __repr__(self) -> str:
         period = f", {self.periods} forcing periods" if self.periods > 1 else ""

@@ -37,5 +37,9 @@ class OutsideBandWarning(UserWarning):
     """A reduced-order model is evaluated at frequencies outside the band for which its error is known."""
 
 
+class AliasingWarning(UserWarning):
+    """Harmonics of an output are less exact than the tolerance, as it is singular at this motion."""
+
+
 class LinearInstabilityWarning(UserWarning):
     """The linear part of a system is unstable about rest."""

@@ -17,6 +17,7 @@ from hbnlp.systems.expressions import (
     Force,
     Matrix,
     Output,
+    Phased,
     Signal,
     check_periodicity,
     check_symbols,
@@ -209,6 +210,7 @@ class System:
         for name, rule in self._outputs.items():
             rows.append(column(f"output {name!r}", rule(seen), 1))
             check_symbols(f"output {name!r}", rows[-1], arguments)
+            check_periodicity(f"output {name!r}", rows[-1], self._phased([self.q, self.v, a, x]))
         return ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)])
 
     def output_index(self, name: str) -> int:
@@ -245,15 +247,18 @@ class System:
 
     def _check_signals(self) -> None:
         """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
-        state = [*np.random.default_rng(7).uniform(-1.0, 1.0, (2, self.n_dof))]
-        defaults = self.parameters.ordered(self.parameters.defaults)
-        state.append(np.where(np.isfinite(defaults) & (defaults != 0.0), defaults, 1.0))
-        others = [self.q, self.v, self.p]
-        check_symbols("nonlinear_force", self.force, [self.tau, *others])
+        check_symbols("nonlinear_force", self.force, [self.tau, self.q, self.v, self.p])
         check_symbols("forcing", self.forcing, [self.tau, self.p])
         check_symbols("motion", self.motion, [self.tau, self.p])
         for what, expression in (("nonlinear_force", self.force), ("forcing", self.forcing), ("motion", self.motion)):
-            check_periodicity(what, expression, self.tau, others, state)
+            check_periodicity(what, expression, self._phased([self.q, self.v]))
+
+    def _phased(self, motion: list[ca.SX]) -> Phased:
+        """Return the phase, symbols of the motion and the parameters, with values at which periodicity is tested."""
+        rng, defaults = np.random.default_rng(7), self.parameters.ordered(self.parameters.defaults)
+        typical = [rng.uniform(-1.0, 1.0, symbol.numel()) for symbol in motion]
+        typical.append(np.where(np.isfinite(defaults) & (defaults != 0.0), defaults, 1.0))
+        return Phased(self.tau, [*motion, self.p], typical, self.parameters.index("omega"))
 
     def __repr__(self) -> str:
         values = self.parameters.defaults.items()
