@@ -25,6 +25,8 @@ ORDER = 16
 """Nodes of a panel."""
 GRID = 2048
 """Phases at which the signs of the switching quantities are compared."""
+TOGETHER = 512
+"""Phases that are asked for in one call while a switch is sought."""
 AIM = 1e-12
 """What a panel may be wrong by, relative to the integral of the modulus; panels are halved until it is not."""
 SHORTEST, MOST_NODES = 1e-15, 200_000
@@ -123,7 +125,7 @@ def find_breaks(switching: Callable[[Array], Array]) -> Breaks:
         low: Array = grid[at]
         high: Array = grid[at + 1]
         touching, places = _near_zero(switching, grid, sampled)
-        value = np.nan_to_num(_each(switching, touching, places))
+        value = np.nan_to_num(_each(switching, touching, places[:, None])[:, 0])
         index = np.clip(np.searchsorted(grid, places) - 1, 0, GRID)
         side = above[touching, index]
         crossed = (value > 0.0) != side
@@ -131,7 +133,7 @@ def find_breaks(switching: Callable[[Array], Array]) -> Breaks:
         low = np.concatenate([low, places[crossed] - reach, places[crossed]])
         high = np.concatenate([high, places[crossed], places[crossed] + reach])
         of = np.concatenate([of, touching[crossed], touching[crossed]])
-        zeros = _bisected(switching, of, low, high)
+        zeros = _closed_in_upon(switching, of, low, high)
         # a touch is found to the root of the rounding: a crossing near it is where it is
         nearest = np.min(np.abs(places[:, None] - zeros), axis=1, initial=np.inf)
         touches = (
@@ -159,29 +161,37 @@ def _near_zero(switching: Callable[[Array], Array], grid: Array, sampled: Array)
     bend = size[:, 2:] - 2.0 * size[:, 1:-1] + size[:, :-2]
     of, at = np.nonzero(dip & (size[:, 1:-1] <= bend))
     low, high = grid[at], grid[at + 2]
-    side = np.where(above[of, at], 1.0, -1.0)
-    golden = 0.5 * (np.sqrt(5.0) - 1.0)
-    for _ in range(60 if of.size else 0):
-        left, right = high - golden * (high - low), low + golden * (high - low)
-        falls = side * _each(switching, of, left) > side * _each(switching, of, right)
-        low, high = np.where(falls, left, low), np.where(falls, high, right)
+    side = np.where(above[of, at], 1.0, -1.0)[:, None]
+    while of.size and np.max(high - low) > 1e-9:
+        phases = _between(low, high)
+        least = np.argmin(side * _each(switching, of, phases), axis=1)[:, None]
+        low = np.take_along_axis(phases, np.maximum(least - 1, 0), axis=1)[:, 0]
+        high = np.take_along_axis(phases, np.minimum(least + 1, phases.shape[1] - 1), axis=1)[:, 0]
     return of, 0.5 * (low + high)
 
 
-def _bisected(switching: Callable[[Array], Array], of: IntArray, low: Array, high: Array) -> Array:
-    if not of.size:
-        return low
-    above = _each(switching, of, low) > 0.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        like_low = (_each(switching, of, middle) > 0.0) == above
-        low, high = np.where(like_low, middle, low), np.where(like_low, high, middle)
+def _closed_in_upon(switching: Callable[[Array], Array], of: IntArray, low: Array, high: Array) -> Array:
+    """Return where quantities of one sign at ``low`` and another at ``high`` change it."""
+    while of.size and np.max(high - low) > 4e-15:
+        phases = _between(low, high)
+        above = _each(switching, of, phases) > 0.0
+        changed = np.argmax(above != above[:, :1], axis=1)[:, None]
+        changed[changed == 0] = phases.shape[1] - 1
+        low = np.take_along_axis(phases, changed - 1, axis=1)[:, 0]
+        high = np.take_along_axis(phases, changed, axis=1)[:, 0]
     return 0.5 * (low + high)
 
 
+def _between(low: Array, high: Array) -> Array:
+    """Return phases (m, k) from ``low`` to ``high``: as many in all as are evaluated at once."""
+    return np.asarray(np.linspace(low, high, max(5, TOGETHER // low.size), axis=1))
+
+
 def _each(switching: Callable[[Array], Array], of: IntArray, phases: Array) -> Array:
-    """Return the quantity ``of[i]`` at ``phases[i]``."""
-    return switching(phases)[of, np.arange(of.size)] if of.size else np.zeros(0)
+    """Return the quantity ``of[i]`` at ``phases[i]``, an array (m, k)."""
+    if not of.size:
+        return np.zeros(phases.shape)
+    return np.asarray(switching(phases.ravel()).reshape(-1, *phases.shape)[of, np.arange(of.size)])
 
 
 def resolve(signal: Callable[[Array], Array], breaks: Breaks, n_harmonics: int) -> Resolved:

@@ -15,14 +15,14 @@ import numpy as np
 from hbnlp.core.types import Array
 from hbnlp.fourier import FourierBasis, basis_derivatives, n_coefficients
 from hbnlp.systems.parameters import ParameterSet
-from hbnlp.systems.quadrature import Breaks, Resolved, Rule, find_breaks, resolve
+from hbnlp.systems.quadrature import TOGETHER, Breaks, Resolved, Rule, find_breaks, resolve
 from hbnlp.systems.spectrum import spectra
 from hbnlp.systems.switches import switches
 from hbnlp.systems.system import System
 
 ALIASING_TOL = 1e-9
 """Nothing that is sampled may be wrong by more than this, relative to its size, for want of samples."""
-CHUNK = 512
+CHUNK = TOGETHER
 """Phases at which a compiled signal is evaluated in one call."""
 
 
