@@ -13,7 +13,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hbnlp.balance.sampling import ALIASING_TOL, Sampling
+from hbnlp.balance.sampling import ALIASING_TOL, OUTPUT_SAMPLES, Sampling
 from hbnlp.core.errors import AliasingWarning
 from hbnlp.core.types import Array
 from hbnlp.fourier import FourierBasis, basis_values, differentiation, to_complex, to_real
@@ -35,7 +35,7 @@ def alike_outputs(system: System) -> list[tuple[Spectrum | None, list[int], ca.F
     They are at most two: outputs that are polynomials of the motion, with the largest of their degrees and harmonics,
     and all others, for which the spectrum is None.
     """
-    arguments = [ca.SX.sym("argument", system.outputs.size1_in(i)) for i in range(TAU + 2)]
+    arguments = _arguments(system)
     values = system.outputs(*arguments)
     each = spectra(system.outputs, TAU, range(TAU))[0]
     result: list[tuple[Spectrum | None, list[int], ca.Function]] = []
@@ -48,6 +48,22 @@ def alike_outputs(system: System) -> list[tuple[Spectrum | None, list[int], ca.F
         largest = Spectrum(max(e.degree for e in read), max(e.highest for e in read)) if read else None
         result.append((largest, indices, ca.Function("outputs", arguments, [ca.densify(values[indices])])))
     return result
+
+
+def warn_of_switches(system: System, name: str) -> None:
+    """Warn where an output has switches, whose places a program does not know."""
+    index, arguments = system.output_index(name), _arguments(system)
+    if switches(system.outputs(*arguments)[index]).numel():
+        warnings.warn(
+            f"output {name!r} switches, and a program takes its harmonics from {OUTPUT_SAMPLES} samples: those of a "
+            "kink are exact to about 1e-6 of its size, of a step to 1e-3; those of solutions and branches are exact",
+            AliasingWarning,
+            stacklevel=3,
+        )
+
+
+def _arguments(system: System) -> list[ca.SX]:
+    return [ca.SX.sym("argument", system.outputs.size1_in(i)) for i in range(system.outputs.n_in())]
 
 
 class OutputHarmonics:
@@ -81,6 +97,8 @@ class OutputHarmonics:
         def outputs(theta: Array) -> Array:
             return evaluated(self._values, theta)
 
+        if self._with_phase:
+            self._check_period(outputs)
         if not self._n_switches:
             settled = self._by_doubling(outputs)
             if settled is not None:
@@ -95,6 +113,19 @@ class OutputHarmonics:
                 stacklevel=2,
             )
         return np.asarray(samples @ rule.projection(self._sampling.n_harmonics).T)
+
+    def _check_period(self, outputs: Callable[[Array], Array]) -> None:
+        phases = np.random.default_rng(11).uniform(0.0, 2.0 * np.pi, 16)
+        now, later = np.hsplit(outputs(np.concatenate([phases, phases + 2.0 * np.pi])), 2)
+        differ = np.any(np.abs(later - now) > 1e-6 * np.max(np.abs(now), axis=1, keepdims=True), axis=1)
+        if np.any(differ):
+            names = ", ".join(self._system.output_names[self.indices[i]] for i in np.flatnonzero(differ))
+            warnings.warn(
+                f"the outputs {names} do not repeat themselves with the motion, and so have no harmonics; write them "
+                "with sines and cosines of whole multiples of tau = omega t",
+                AliasingWarning,
+                stacklevel=3,
+            )
 
     def _by_doubling(self, outputs: Callable[[Array], Array]) -> Array | None:
         """Return the coefficients from as many equidistant samples as they need, or None if these are too many."""
@@ -133,8 +164,7 @@ class OutputHarmonics:
 
     @cached_property
     def _arguments(self) -> list[ca.SX]:
-        outputs = self._system.outputs
-        return [ca.SX.sym("argument", outputs.size1_in(i)) for i in range(outputs.n_in())]
+        return _arguments(self._system)
 
     @cached_property
     def _expression(self) -> ca.SX:
@@ -147,6 +177,10 @@ class OutputHarmonics:
     @cached_property
     def _switching(self) -> ca.Function:
         return self._in_chunk("switches", ca.densify(switches(self._expression)))
+
+    @cached_property
+    def _with_phase(self) -> bool:
+        return bool(ca.depends_on(self._expression, self._arguments[TAU]))
 
     @property
     def _n_switches(self) -> int:

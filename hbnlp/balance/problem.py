@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.assembly import Assembly
-from hbnlp.balance.outputs import OutputHarmonics
+from hbnlp.balance.outputs import OutputHarmonics, warn_of_switches
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
 from hbnlp.core.kept import Kept
@@ -212,7 +212,11 @@ class HarmonicBalance:
         return self.x[dof * length : (dof + 1) * length]
 
     def output(self, name: str) -> ca.MX:
-        """Return the coefficients (2H+1,) of a named output as an expression of x and p."""
+        """Return the coefficients (2H+1,) of a named output as an expression of x and p.
+
+        Harmonics of outputs that switch are less exact there than those of solutions and branches: an AliasingWarning.
+        """
+        warn_of_switches(self.system, name)
         return self.symbols.outputs[self.system.output_index(name), :].T
 
     def amplitude_squared(self, name: str, harmonic: int = 1) -> ca.MX:

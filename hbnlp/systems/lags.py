@@ -7,12 +7,10 @@ import numpy as np
 
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
-from hbnlp.systems.signals import ALIASING_TOL, excitation_signals
+from hbnlp.systems.signals import excitation_signals
 from hbnlp.systems.system import System
 
 LARGEST_CONDITION = 1e10
-FIRST_HARMONICS, MOST_HARMONICS = 128, 4096
-"""Of a prescribed motion without a highest harmonic: so many are added up at first, and at most."""
 
 
 class Lags:
@@ -63,42 +61,37 @@ def periodic_lag_states(system: System, s: ComplexArray, drive: ComplexArray) ->
 def lag_states_of_motion(system: System, values: Array) -> Array:
     """Return x(0) of ``x' = A x + B_u u''`` for the prescribed motion u at parameter values.
 
-    Where the harmonics of u do not end, ``x = B_u u' + A B_u u + w`` leaves ``w' = A w + A^2 B_u u``, whose harmonics
-    fall by two orders faster than those of x; they are added up until the sum stays.
+    Where the harmonics of u do not end, ``x = B_u u' + A B_u u + w`` leaves ``w' = A w + A^2 B_u u``, and w(0) is an
+    integral of u over the period, each eigenvector of A by itself.
 
     Raises
     ------
     ValueError
-        If the motion is not smooth enough for that.
+        If the motion is not smooth enough between its switches.
     """
     if not system.n_lags or not system.n_inputs:
         return np.zeros(system.n_lags)
     omega = float(values[system.parameters.index("omega")])
     motion = excitation_signals(system)[1]
-
-    def harmonics(n_harmonics: int) -> tuple[ComplexArray, ComplexArray]:
-        return np.asarray(1j * omega * np.arange(n_harmonics + 1)), to_complex(motion.coefficients(values, n_harmonics))
-
     if motion.highest is not None:
-        s, amplitudes = harmonics(motion.highest)
-        return periodic_lag_states(system, s, (s**2 * (system.lag_motion @ amplitudes)).T)
-    now = [e.full() for e in _motion_at(system)(0.0, values)]
-    twice = system.lag_state @ system.lag_state @ system.lag_motion
-    earlier: Array | None = None
-    n_harmonics = FIRST_HARMONICS
-    while n_harmonics <= MOST_HARMONICS:
-        s, amplitudes = harmonics(n_harmonics)
-        oscillating = now[0][:, 0] - amplitudes[:, 0].real
-        parts = [system.lag_motion @ now[1][:, 0], system.lag_state @ (system.lag_motion @ oscillating)]
-        parts.append(periodic_lag_states(system, s, (twice @ amplitudes).T))
-        later: Array = np.sum(parts, axis=0)
-        if earlier is not None and np.max(np.abs(later - earlier)) <= ALIASING_TOL * np.max(np.abs(parts)):
-            return later
-        earlier, n_harmonics = later, 2 * n_harmonics
-    raise ValueError(
-        f"the lag states at tau = 0 are not known to {ALIASING_TOL:.0e} from {MOST_HARMONICS} harmonics of motion: it "
-        "is not smooth enough; smooth it"
-    )
+        s = 1j * omega * np.arange(motion.highest + 1)
+        amplitudes = to_complex(motion.coefficients(values, motion.highest))
+        return periodic_lag_states(system, np.asarray(s), (s**2 * (system.lag_motion @ amplitudes)).T)
+    lags = Lags(system.lag_state, system.lag_input, system.lag_motion)
+    poles = lags.poles[:, None] / omega
+    # w(0) = int exp(pole (2 pi - theta)) / (1 - exp(2 pi pole)) ..., written so that nothing overflows
+    toward = np.where(poles.real > 0.0, 0.0, 2.0 * np.pi)
+    side = np.where(poles.real > 0.0, -1.0, 1.0)
+    fading = side / -np.expm1(2.0 * np.pi * side * poles)
+
+    def kernel(theta: Array) -> ComplexArray:
+        return np.asarray(fading * np.exp(poles * (toward - theta)))
+
+    integrals = motion.integrals(values, kernel) / omega
+    by_motion = np.linalg.solve(lags.vectors, system.lag_motion.astype(complex))
+    memory = (lags.vectors @ (lags.poles**2 * np.sum(by_motion * integrals, axis=1))).real
+    now, rate = (e.full()[:, 0] for e in _motion_at(system)(0.0, values))
+    return np.asarray(system.lag_motion @ rate + system.lag_state @ (system.lag_motion @ now) + memory)
 
 
 def _motion_at(system: System) -> ca.Function:

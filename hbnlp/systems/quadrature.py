@@ -20,7 +20,7 @@ from hbnlp.core.types import Array, IntArray
 from hbnlp.fourier import basis_values
 
 PANELS = 64
-"""A period is cut into so many panels, or into as many as twice the harmonics, before any is halved."""
+"""A period is cut into so many panels, or into half as many as there are harmonics, before any is halved."""
 ORDER = 16
 """Nodes of a panel."""
 GRID = 2048
@@ -200,7 +200,7 @@ def resolve(signal: Callable[[Array], Array], breaks: Breaks, n_harmonics: int) 
     The error is nan where the signal is not finite.
     """
     ends = np.append(breaks.phases, breaks.phases[0] + 2.0 * np.pi)
-    longest = 2.0 * np.pi / max(PANELS, 2 * n_harmonics)
+    longest = 2.0 * np.pi / max(PANELS, n_harmonics // 2)
     edges = [np.linspace(a, b, int(np.ceil((b - a) / longest)) + 1) for a, b in pairwise(ends)]
     low, high = np.concatenate([e[:-1] for e in edges]), np.concatenate([e[1:] for e in edges])
     values = _on_panels(signal, low, high)

@@ -7,12 +7,13 @@ steep; what they are wrong by is known, and an error where it is more than the t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.types import Array
+from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import FourierBasis, basis_derivatives, n_coefficients
 from hbnlp.systems.parameters import ParameterSet
 from hbnlp.systems.quadrature import TOGETHER, Breaks, Resolved, Rule, find_breaks, resolve
@@ -106,6 +107,22 @@ class PeriodicSignals:
             phases, basis_at = self._moving(rule, p, n_harmonics)
         return self._value.map(count)(phases, ca.repmat(p, 1, count)) @ basis_at.T
 
+    def integrals(self, values: Array, kernel: Callable[[Array], ComplexArray]) -> ComplexArray:
+        """Return the integrals (r, k) of the signals times functions over 0 <= tau < 2 pi, ``kernel`` (n,) -> (r, n)."""
+        self._check_period(values)
+
+        def products(theta: Array) -> Array:
+            complex_rows = kernel(np.mod(theta, 2.0 * np.pi))[:, None] * self._sampled(theta, values)
+            return np.concatenate([complex_rows.real, complex_rows.imag]).reshape(-1, theta.size)
+
+        phases, of = self._fixed_breaks if not self._switches_move else self._breaks(values)
+        order = np.argsort(np.append(phases, 2.0 * np.pi))
+        breaks = Breaks(np.append(phases, 2.0 * np.pi)[order], np.append(of, -1)[order])
+        rule, samples, error = resolve(products, breaks, 0)
+        self._check_error(error)
+        real, imaginary = (samples @ rule.weights).reshape(2, -1, self._expression.numel())
+        return np.asarray(real + 1j * imaginary)
+
     # -- numbers ----------------------------------------------------------------------------------------------------
 
     def _equidistant(self, n_harmonics: int) -> FourierBasis:
@@ -125,13 +142,16 @@ class PeriodicSignals:
         self._check_period(values)
         breaks = self._fixed_breaks if not self._switches_move else self._breaks(values)
         resolved = resolve(lambda theta: self._sampled(theta, values), breaks, n_harmonics)
-        if resolved.error > ALIASING_TOL:
-            raise ValueError(
-                f"the harmonics of {self._what} are known to {resolved.error:.1e} only, {ALIASING_TOL:.0e} is needed: "
-                "it is singular, or so steep that its own values are rounded; smooth it"
-            )
+        self._check_error(resolved.error)
         self._latest = (key, resolved)
         return resolved
+
+    def _check_error(self, error: float) -> None:
+        if error > ALIASING_TOL:
+            raise ValueError(
+                f"the harmonics of {self._what} are known to {error:.1e} only, {ALIASING_TOL:.0e} is needed: it is "
+                "singular, or so steep that its own values are rounded; smooth it"
+            )
 
     def _check_period(self, values: Array) -> None:
         """Raise a ValueError where a parameter multiplies the phase by a number that is not whole."""

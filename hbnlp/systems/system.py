@@ -210,7 +210,6 @@ class System:
         for name, rule in self._outputs.items():
             rows.append(column(f"output {name!r}", rule(seen), 1))
             check_symbols(f"output {name!r}", rows[-1], arguments)
-            check_periodicity(f"output {name!r}", rows[-1], self._phased([self.q, self.v, a, x]))
         return ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)])
 
     def output_index(self, name: str) -> int:
@@ -250,15 +249,12 @@ class System:
         check_symbols("nonlinear_force", self.force, [self.tau, self.q, self.v, self.p])
         check_symbols("forcing", self.forcing, [self.tau, self.p])
         check_symbols("motion", self.motion, [self.tau, self.p])
-        for what, expression in (("nonlinear_force", self.force), ("forcing", self.forcing), ("motion", self.motion)):
-            check_periodicity(what, expression, self._phased([self.q, self.v]))
-
-    def _phased(self, motion: list[ca.SX]) -> Phased:
-        """Return the phase, symbols of the motion and the parameters, with values at which periodicity is tested."""
         rng, defaults = np.random.default_rng(7), self.parameters.ordered(self.parameters.defaults)
-        typical = [rng.uniform(-1.0, 1.0, symbol.numel()) for symbol in motion]
-        typical.append(np.where(np.isfinite(defaults) & (defaults != 0.0), defaults, 1.0))
-        return Phased(self.tau, [*motion, self.p], typical, self.parameters.index("omega"))
+        known = np.isfinite(defaults) & (defaults != 0.0)
+        typical = [*rng.uniform(-1.0, 1.0, (2, self.n_dof)), np.where(known, defaults, 1.0)]
+        phased = Phased(self.tau, [self.q, self.v, self.p], typical, self.parameters.index("omega"))
+        for what, expression in (("nonlinear_force", self.force), ("forcing", self.forcing), ("motion", self.motion)):
+            check_periodicity(what, expression, phased)
 
     def __repr__(self) -> str:
         values = self.parameters.defaults.items()
