@@ -17,8 +17,9 @@ from hbnlp.balance.sampling import ALIASING_TOL, OUTPUT_SAMPLES, Sampling
 from hbnlp.core.errors import AliasingWarning
 from hbnlp.core.types import Array
 from hbnlp.fourier import FourierBasis, basis_values, differentiation, to_complex, to_real
+from hbnlp.systems.chunks import in_chunks, of_columns
 from hbnlp.systems.quadrature import find_breaks, resolve
-from hbnlp.systems.signals import CHUNK, excitation_signals, in_chunks
+from hbnlp.systems.signals import excitation_signals
 from hbnlp.systems.spectrum import Spectrum, spectra
 from hbnlp.systems.switches import switches
 from hbnlp.systems.system import System
@@ -187,5 +188,4 @@ class OutputHarmonics:
         return int(self._switching.size1_out(0))
 
     def _in_chunk(self, name: str, expression: ca.SX) -> ca.Function:
-        function = ca.Function(name, self._arguments, [expression])
-        return function.map(f"{name}_in_chunk", "serial", CHUNK, [TAU + 1], [])
+        return of_columns(ca.Function(name, self._arguments, [expression]), [TAU + 1])

@@ -15,16 +15,15 @@ import numpy as np
 
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import FourierBasis, basis_derivatives, n_coefficients
+from hbnlp.systems.chunks import in_chunks, of_columns
 from hbnlp.systems.parameters import ParameterSet
-from hbnlp.systems.quadrature import TOGETHER, Breaks, Resolved, Rule, find_breaks, resolve
+from hbnlp.systems.quadrature import Breaks, Resolved, resolve
 from hbnlp.systems.spectrum import spectra
-from hbnlp.systems.switches import switches
+from hbnlp.systems.switch_points import SwitchPoints
 from hbnlp.systems.system import System
 
 ALIASING_TOL = 1e-9
 """Nothing that is sampled may be wrong by more than this, relative to its size, for want of samples."""
-CHUNK = TOGETHER
-"""Phases at which a compiled signal is evaluated in one call."""
 
 
 class PeriodicSignals:
@@ -80,7 +79,7 @@ class PeriodicSignals:
             )
             return np.asarray(by_parameter @ basis.projection.T)
         rule, samples, _ = self._resolved(values, n_harmonics)
-        nodes, weights = rule.moved(self._breaks_along(rule.breaks, values, index))
+        nodes, weights = rule.moved(self._switch_points.along(rule.breaks, values, index))
         along = in_chunks(self._along, rule.theta[None, :], nodes[None, :], values, direction)
         projection = rule.projection(n_harmonics)
         turned = basis_derivatives(rule.theta, n_harmonics) * (rule.weights / np.pi * nodes)[:, None]
@@ -103,27 +102,25 @@ class PeriodicSignals:
         rule = self._resolved(typical, n_harmonics).rule.halved()
         count = rule.theta.size
         phases, basis_at = ca.MX(ca.DM(rule.theta[None, :])), ca.MX(ca.DM(rule.projection(n_harmonics)))
-        if self._switches_move:
-            phases, basis_at = self._moving(rule, p, n_harmonics)
+        if self._switch_points.move:
+            phases, basis_at = self._switch_points.moving(rule, p, n_harmonics)
         return self._value.map(count)(phases, ca.repmat(p, 1, count)) @ basis_at.T
 
     def integrals(self, values: Array, kernel: Callable[[Array], ComplexArray]) -> ComplexArray:
-        """Return the integrals (r, k) of the signals times functions over 0 <= tau < 2 pi, ``kernel`` (n,) -> (r, n)."""
+        """Return the integrals (r, k) over 0 <= tau < 2 pi of the signals times ``kernel``, (n,) -> (r, n)."""
         self._check_period(values)
 
         def products(theta: Array) -> Array:
             complex_rows = kernel(np.mod(theta, 2.0 * np.pi))[:, None] * self._sampled(theta, values)
             return np.concatenate([complex_rows.real, complex_rows.imag]).reshape(-1, theta.size)
 
-        phases, of = self._fixed_breaks if not self._switches_move else self._breaks(values)
+        phases, of = self._switch_points.at(values)
         order = np.argsort(np.append(phases, 2.0 * np.pi))
         breaks = Breaks(np.append(phases, 2.0 * np.pi)[order], np.append(of, -1)[order])
         rule, samples, error = resolve(products, breaks, 0)
         self._check_error(error)
         real, imaginary = (samples @ rule.weights).reshape(2, -1, self._expression.numel())
         return np.asarray(real + 1j * imaginary)
-
-    # -- numbers ----------------------------------------------------------------------------------------------------
 
     def _equidistant(self, n_harmonics: int) -> FourierBasis:
         assert self.highest is not None
@@ -140,7 +137,7 @@ class PeriodicSignals:
         if latest is not None and latest[0] == key:
             return latest[1]
         self._check_period(values)
-        breaks = self._fixed_breaks if not self._switches_move else self._breaks(values)
+        breaks = self._switch_points.at(values)
         resolved = resolve(lambda theta: self._sampled(theta, values), breaks, n_harmonics)
         self._check_error(resolved.error)
         self._latest = (key, resolved)
@@ -166,26 +163,13 @@ class PeriodicSignals:
                 "be a whole number"
             )
 
-    def _breaks(self, values: Array) -> Breaks:
-        if not self._switches.numel():
-            return find_breaks(lambda theta: np.zeros((0, theta.size)))
-        return find_breaks(lambda theta: in_chunks(self._switching, theta[None, :], values))
-
-    def _breaks_along(self, breaks: Breaks, values: Array, index: int) -> Array:
-        """Return how fast the breaks move as a parameter grows."""
-        by = np.zeros(breaks.phases.size)
-        if not self._switches_move:
-            return by
-        for k in np.flatnonzero(breaks.of >= 0):
-            by_tau, by_p = (e.full() for e in self._switch_slopes(breaks.phases[k], values))
-            row = breaks.of[k]
-            if by_tau[row, 0]:
-                by[k] = -by_p[row, index] / by_tau[row, 0]
-        return by
+    @cached_property
+    def _switch_points(self) -> SwitchPoints:
+        return SwitchPoints(self._what, self._expression, self._tau, self._p)
 
     @cached_property
     def _in_chunk(self) -> ca.Function:
-        return self._value.map("signals_in_chunk", "serial", CHUNK, [1], [])
+        return of_columns(self._value, [1])
 
     @cached_property
     def _along(self) -> ca.Function:
@@ -193,65 +177,7 @@ class PeriodicSignals:
         ahead, direction = ca.SX.sym("ahead"), ca.SX.sym("direction", self._p.numel())
         slope = ca.jtimes(self._expression, ca.vertcat(self._tau, self._p), ca.vertcat(ahead, direction))
         function = ca.Function("signals_along", [self._tau, ahead, self._p, direction], [ca.densify(slope)])
-        return function.map("signals_along_in_chunk", "serial", CHUNK, [2, 3], [])
-
-    @cached_property
-    def _switches(self) -> ca.SX:
-        return ca.densify(switches(self._expression, lambda quantity: ca.jacobian(quantity, self._tau)))
-
-    @cached_property
-    def _switches_move(self) -> bool:
-        return bool(self._switches.numel()) and bool(ca.depends_on(self._switches, self._p))
-
-    @cached_property
-    def _fixed_breaks(self) -> Breaks:
-        return self._breaks(np.zeros(self._p.numel()))
-
-    @cached_property
-    def _switching(self) -> ca.Function:
-        function = ca.Function("switches", [self._tau, self._p], [self._switches])
-        return function.map("switches_in_chunk", "serial", CHUNK, [1], [])
-
-    @cached_property
-    def _switch_slopes(self) -> ca.Function:
-        slopes = [ca.densify(ca.jacobian(self._switches, each)) for each in (self._tau, self._p)]
-        return ca.Function("switch_slopes", [self._tau, self._p], slopes)
-
-    # -- symbols ----------------------------------------------------------------------------------------------------
-
-    def _moving(self, rule: Rule, p: ca.MX, n_harmonics: int) -> tuple[ca.MX, ca.MX]:
-        """Return the nodes (1, n) and the projection (2H+1, n) between breaks that move with the parameters."""
-        phases = ca.vertcat(*[self._break(k, rule.breaks, p) for k in range(rule.breaks.phases.size)])
-        ends = ca.vertcat(phases, phases[0] + 2.0 * np.pi)
-        # a list of indices into a single entry gives a row, into several a column
-        first, last = (ca.reshape(ends[(rule.piece + k).tolist()], -1, 1) for k in (0, 1))
-        lengths = last - first
-        nodes = (first + ca.DM(rule.inside) * lengths).T
-        weights = lengths.T * ca.DM((rule.weights / rule.lengths)[None, :]) / np.pi
-        rows = [0.5 * weights]
-        for h in range(1, n_harmonics + 1):
-            rows += [weights * ca.cos(h * nodes), weights * ca.sin(h * nodes)]
-        return nodes, ca.vertcat(*rows)
-
-    def _break(self, k: int, breaks: Breaks, p: ca.MX) -> ca.MX:
-        near, row = float(breaks.phases[k]), int(breaks.of[k])
-        switch = self._switches[row] if row >= 0 else ca.SX(0)
-        if row < 0 or not ca.depends_on(switch, self._p):
-            return ca.MX(near)
-        equation = {"x": self._tau, "p": self._p, "g": switch}
-        return ca.rootfinder(f"switch_{k}_of_{self._what.split()[0]}", "newton", equation)(x0=near, p=p)["x"]
-
-
-def in_chunks(function: ca.Function, *arguments: Array) -> Array:
-    """Return a function of columns (size, n), and of vectors that are the same for all, at any number n of columns."""
-    count = arguments[0].shape[1]
-    missing = -count % CHUNK
-    columns = [np.pad(each, ((0, 0), (0, missing)), mode="edge") if each.ndim == 2 else each for each in arguments]
-    parts = [
-        function(*[each[:, k : k + CHUNK] if each.ndim == 2 else each for each in columns]).full()
-        for k in range(0, count + missing, CHUNK)
-    ]
-    return np.concatenate(parts, axis=1)[:, :count]
+        return of_columns(function, [2, 3])
 
 
 def excitation_signals(system: System) -> tuple[PeriodicSignals, PeriodicSignals]:
