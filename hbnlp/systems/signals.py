@@ -99,7 +99,14 @@ class PeriodicSignals:
             return samples @ ca.DM(basis.projection.T)
         typical = self._parameters.ordered(self._parameters.defaults)
         typical = np.where(np.isfinite(typical), typical, 1.0)
-        rule = self._resolved(typical, n_harmonics).rule.halved()
+        breaks = self._switch_points.at(typical)
+        resolved = resolve(lambda theta: self._sampled(theta, typical), breaks, n_harmonics)
+        if not resolved.error <= ALIASING_TOL:
+            raise ValueError(
+                f"{self._what} is singular at the default values of the parameters (1 where there is none), at which a "
+                "program takes its samples; give parameters typical values"
+            )
+        rule = resolved.rule.halved()
         count = rule.theta.size
         phases, basis_at = ca.MX(ca.DM(rule.theta[None, :])), ca.MX(ca.DM(rule.projection(n_harmonics)))
         if self._switch_points.move:

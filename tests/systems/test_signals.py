@@ -144,3 +144,10 @@ def test_a_smooth_signal_has_the_coefficients_of_equidistant_samples_to_round_of
     expected = np.fft.rfft(np.exp(np.cos(tau)) + np.sin(3 * tau))[: H + 1] / 64
     expected[0] *= 0.5
     np.testing.assert_allclose(to_complex(of.coefficients(np.ones(2), H))[0], expected, atol=1e-14)
+
+
+def test_an_expression_asks_for_typical_values_where_the_default_ones_are_singular():
+    of = signals(lambda tau, p: 1 / (p.a - ca.cos(tau)), a=np.nan)
+    np.testing.assert_allclose(to_complex(of.coefficients(np.array([2.0, 1.0]), H))[0], pulse(2.0), rtol=1e-12)
+    with pytest.raises(ValueError, match=r"forcing is singular at the default values .* give parameters typical"):
+        of.symbolic(ca.MX.sym("p", 2), H)
