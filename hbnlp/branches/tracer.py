@@ -12,7 +12,7 @@ from hbnlp.branches.branch import Branch
 from hbnlp.branches.collecting import Traced, make_branch
 from hbnlp.branches.detection import Detector
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.branches.starting import checked_span, fresh_start, resumed_start
+from hbnlp.branches.starting import fresh_start, resumed_start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.point import Point
 from hbnlp.continuation.walk import Walk
@@ -67,7 +67,7 @@ class Tracer:
         instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
         instance_of("resume", resume, Branch | None, "a Branch, from a file Branch.load(path)")
         self.name = name
-        self.span = checked_span(problem, name, span)
+        self.span = problem.system.parameters.span(name, span)
         self.options = method or PseudoArclength()
         if direction not in (1, -1):
             raise ValueError(f"direction = {direction!r}; 1 (towards the end of the span) or -1 is needed")

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import finite_numbers
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.core.types import Array
@@ -60,7 +59,7 @@ class NewtonMarch:
         method: Newton,
         start: Solution | ArrayLike | None = None,
     ) -> None:
-        marched = finite_numbers("values", values)
+        marched = problem.system.parameters.series(name, values)
         if not isinstance(method, Newton):
             raise TypeError(
                 f"method is {method!r}; a HarmonicBalance is marched by Newton(...), a System by integration"

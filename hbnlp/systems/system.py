@@ -25,7 +25,7 @@ from hbnlp.systems.expressions import (
     matrix,
     numbers,
 )
-from hbnlp.systems.parameters import Namespace, ParameterSet
+from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
 
 
@@ -232,16 +232,39 @@ class System:
     def linearisation(self, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None) -> Array:
         """Return the state matrix (n_state, n_state) of (q, q', x), linearised about rest.
 
-        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0; omega, where it
-        has no value, is taken as zero: a system whose matrices depend on it has no linearisation without one.
+        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0. Omega needs a value,
+        of any sign, only where the linearisation depends on it: a rotor's speed.
+
+        Raises
+        ------
+        ValueError
+            If the linearisation depends on omega, which has no value, or the mass matrix is singular.
+        NonFiniteError
+            If the force has no finite derivative there.
         """
-        values = np.nan_to_num(self.parameters.values(at, but=("omega",)))
+        values = self.parameters.values(at, but=(OMEGA,))
+        if np.isnan(values).any():
+            if self.linearisation_depends_on(OMEGA, rest=rest):
+                raise ValueError(
+                    f"the linearisation of {self.name!r} depends on omega, which has no value; give one, for instance "
+                    "at={'omega': 1.0}"
+                )
+            values = np.where(np.isnan(values), 1.0, values)
         q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
         plant = Plant(*self.state_matrices(values), self.lag_state, self.lag_input)
         force_q, force_v = self.compiled_force.tangents(q0, np.zeros(self.n_dof), 0.0, values)
         if not np.all(np.isfinite(force_q)) or not np.all(np.isfinite(force_v)):
             raise NonFiniteError("the derivative of nonlinear_force is not finite at rest; smooth it there")
         return plant.state_matrix(force_q, force_v)
+
+    def linearisation_depends_on(self, name: str, *, rest: ArrayLike | None = None) -> bool:
+        """Return whether a matrix, or the derivative of the nonlinear force at rest, depends on a parameter."""
+        symbol, state = self.p[self.parameters.index(name)], ca.vertcat(self.q, self.v, self.tau)
+        q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
+        slope = ca.jacobian(self.force, ca.vertcat(self.q, self.v))
+        slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(self.n_dof + 1)]))
+        laws = [self.mass, self.damping, self.stiffness, self.lag_output, slope]
+        return any(ca.depends_on(law, symbol) for law in laws)
 
     def _check_signals(self) -> None:
         """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
