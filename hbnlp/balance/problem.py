@@ -134,7 +134,7 @@ class HarmonicBalance:
 
         Raises
         ------
-        ValueError
+        SamplingError
             If a smooth force would not need that many.
         """
         if self.samples_are_settled:

@@ -18,7 +18,7 @@ from hbnlp.continuation.point import Point, start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, SamplingError
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
@@ -179,7 +179,7 @@ def _while_sampled(side: _Side, walk: Walk[Equations]) -> Iterator[tuple[Point, 
     """Yield the steps of a walk; where the force would take too many samples, that is the side's end."""
     try:
         yield from walk
-    except ValueError as error:
+    except SamplingError as error:
         side.end = str(error)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -13,10 +12,9 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.continuation.curve import TINY, relative_residual
 from hbnlp.continuation.point import Point, start_point
-from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
-from hbnlp.solutions.cold_start import linear_guess
+from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.solutions.solving import solve
@@ -132,9 +130,7 @@ def _smallest_solution(problem: HarmonicBalance, values: Array, name: str, span:
     """Return the size below which changes are not measured relative to the solution: a trace may begin at rest."""
     middle = values.copy()
     middle[problem.system.parameters.index(name)] = np.mean(span)
-    size = float(np.linalg.norm(first))
-    with contextlib.suppress(NonFiniteError):  # a force that is singular at rest has no response near it
-        size = max(size, float(np.linalg.norm(linear_guess(problem, middle))))
+    size = max(float(np.linalg.norm(first)), linear_size(problem, middle))
     return max(1e-6 * size, TINY) if size > 0.0 else 1.0
 
 

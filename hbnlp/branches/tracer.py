@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping
 
 import casadi as ca
@@ -17,6 +18,7 @@ from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.point import Point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.checks import instance_of
+from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.interrupts import guarded
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
@@ -160,7 +162,8 @@ class Tracer:
             )
         system = self.problem.system
         if not ca.depends_on(system.force, system.tau):
-            check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
+            with contextlib.suppress(NonFiniteError):  # a force that is singular at rest has no stability there
+                check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
 
 
 def _problem_and_start(

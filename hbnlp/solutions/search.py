@@ -16,11 +16,11 @@ from hbnlp.continuation.point import start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, NonFiniteError
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
-from hbnlp.solutions.cold_start import linear_guess
+from hbnlp.solutions.cold_start import linear_guess, linear_size
 from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.solution import Solution, guess_for
@@ -113,7 +113,7 @@ def find_all(
     TypeError
         For a problem, method, generator or callbacks of another kind.
     NonFiniteError
-        If the force or its derivative is not finite at rest.
+        If the force or its derivative is not finite at rest, and nothing is found.
 
     References
     ----------
@@ -131,7 +131,10 @@ def find_all(
         return sorted(found, key=lambda s: float(np.linalg.norm(s.coefficients)))
 
     work = _attempts(problem, values, at, found, known, options, rng)
-    return drive("searching", work, result, name="start", callbacks=callbacks)
+    solutions = drive("searching", work, result, name="start", callbacks=callbacks)
+    if not solutions:
+        linear_guess(problem, values)  # where the force is singular at rest, that is said
+    return solutions
 
 
 def _attempts(
@@ -146,10 +149,10 @@ def _attempts(
     """Add to what is found: around the known solutions and a cold start, then from one random start after another."""
     for solution in known:
         _add(found, attempt(problem, values, guess_for(problem, solution), options.newton, start="known"), options)
-    with contextlib.suppress(ConvergenceError):
+    with contextlib.suppress(ConvergenceError, NonFiniteError):
         _add(found, solve(problem, at=at), options)
     largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
-    reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
+    reference = max(largest, linear_size(problem, values)) or 1.0
     visited = 0
     for start in range(options.n_starts + 1):
         if start > 0:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, NonFiniteError
 from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
@@ -97,6 +97,10 @@ class NewtonMarch:
                 at = self._problem.system.parameters.as_dict(self._parameters(value))
                 new = solve(self._problem, at=at, method=self._method)
             except ConvergenceError:
+                new = None
+            except NonFiniteError:  # at rest: nothing to start from but the last solution, which leads nowhere
+                if last is None and not self._rows:
+                    raise
                 new = None
         if last is not None and new is not None:
             change = relative_change(last.coefficients, new.coefficients)

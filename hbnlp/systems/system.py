@@ -232,8 +232,8 @@ class System:
     def linearisation(self, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None) -> Array:
         """Return the state matrix (n_state, n_state) of (q, q', x), linearised about rest.
 
-        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0. Omega needs a value,
-        of any sign, only where the linearisation depends on it: a rotor's speed.
+        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0. Omega needs a
+        value, of any sign, only where the linearisation depends on it: a rotor's speed.
 
         Raises
         ------
