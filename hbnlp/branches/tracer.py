@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Iterator, Mapping
 
 import casadi as ca
@@ -80,6 +81,8 @@ class Tracer:
             begin = resumed_start(problem, name, self.span, resume, at=at, direction=direction, stability=stability)
         else:
             begin = fresh_start(problem, name, self.span, at=at, start=start, direction=direction)
+        self._last = begin.point
+        self._moved: Traced | None = None
         evaluator = None if stability is None else FloquetEvaluator.of(problem, stability)
         self._detector = Detector(evaluator, self.options.newton)
         low, high = sorted(self.span)
@@ -136,6 +139,7 @@ class Tracer:
             message=message or reason.value,
             refused=self._walk.refused,
             resumed=self._resumed,
+            moved=self._moved,
         )
 
     def _points(self) -> Iterator[Traced]:
@@ -143,6 +147,8 @@ class Tracer:
             yield self._kept(self._walk.point, ())
         if self.end is None:
             for before, after in self._walk:
+                if before is not self._last:
+                    self._correct(before)
                 found = self._detector.between(self._walk.curve, before, after, self.n_points - 1)
                 yield self._kept(after, found)
 
@@ -150,8 +156,19 @@ class Tracer:
         curve = self._walk.curve
         floquet = self._detector.multipliers(curve, point)
         self._records.append(Traced(point=point, curve=curve, floquet=floquet, special_points=special_points))
+        self._last = point
         self._n_folds += sum(found.kind is Kind.FOLD for found in special_points)
         return self._records[-1]
+
+    def _correct(self, before: Point) -> None:
+        """Put the beginning of a step in its record's place: the walk found it anew, with more samples of the force."""
+        curve = self._walk.curve
+        record = Traced(point=before, curve=curve, floquet=self._detector.multipliers(curve, before), special_points=())
+        if self._records:
+            record = dataclasses.replace(record, special_points=self._records[-1].special_points)
+            self._records[-1] = record
+        else:
+            self._moved = record
 
     def _check_fresh(self, point: Point) -> None:
         """Refuse a way out of the span, and warn of a system that is unstable about rest."""
