@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -131,7 +131,7 @@ def _span_around(
     if span is None:
         reach = 10.0 * abs(value) or 1.0
         span = (value / 10.0, reach) if value > 0.0 else (-reach, value / 10.0 if value else reach)
-    if np.shape(span) != (2,):
+    if not isinstance(span, Sequence | np.ndarray) or len(span) != 2:
         raise ValueError(f"the span of {name} is {span!r}; give two values, the lowest and the highest")
     low, high = sorted(parameters.span(name, span, what=f"the span of {name}"))
     if not low <= value <= high:

@@ -39,9 +39,11 @@ def as_float(value: Any) -> float | None:
     if foreign or isinstance(value, bool) or not hasattr(value, "__float__"):
         return None
     try:
-        return float(value)
+        number = float(value)
     except (TypeError, ValueError, OverflowError, RuntimeError):  # of symbols, and of numbers beyond the largest
         return None
+    symbolic = math.isnan(number) and not isinstance(value, float | np.floating)  # CasADi reads its symbols as nan
+    return None if symbolic else number
 
 
 def real_number(
@@ -69,8 +71,11 @@ def real_number(
 
 def finite_numbers(name: str, values: Any) -> Array:
     """Return a sequence of finite numbers as an array (k,), k >= 1, or raise a ValueError that names it."""
-    entries = np.atleast_1d(np.array(values, dtype=None if isinstance(values, np.ndarray) else object))
-    numbers = [as_float(entry) for entry in entries] if entries.ndim == 1 else []
+    if isinstance(values, np.ndarray):
+        values = np.atleast_1d(values)
+    single = as_float(values)
+    several = single is None and isinstance(values, Iterable) and not isinstance(values, str | bytes)
+    numbers = [as_float(entry) for entry in values] if several else [single]
     if not numbers or any(number is None or not math.isfinite(number) for number in numbers):
         given = textwrap.shorten(repr(values), 120, placeholder=" ...")
         raise ValueError(f"{name} = {given}; a sequence of finite numbers, at least one, is needed")
