@@ -17,7 +17,7 @@ from hbnlp.core.errors import LinearInstabilityWarning
 from hbnlp.core.renamed import renamed_arguments, renamed_name
 from hbnlp.core.types import ComplexArray
 from hbnlp.systems.parameters import OMEGA
-from hbnlp.systems.system import System
+from hbnlp.systems.system import System, depends_on_omega
 
 Point = tuple[float, ComplexArray]
 
@@ -155,7 +155,7 @@ def stability_limits(
         If the span has zero length or is not finite, or ``name`` is omega and the linearisation does not depend on it.
     """
     system.parameters.index(name)
-    if name == OMEGA and not system.linearisation_depends_on(OMEGA, rest=rest):
+    if name == OMEGA and not depends_on_omega(system, rest):
         raise ValueError(
             f"name is 'omega', the forcing's frequency, on which linear stability of {system.name!r} does not depend"
         )

@@ -12,7 +12,7 @@ from hbnlp.core.types import ComplexArray
 from hbnlp.fourier import FourierBasis, to_complex
 from hbnlp.systems.excitation_samples import FIRST_HARMONIC_SAMPLES
 from hbnlp.systems.parameters import OMEGA
-from hbnlp.systems.system import System
+from hbnlp.systems.system import System, depends_on_omega
 
 
 def linear_response(
@@ -52,7 +52,7 @@ def linear_response(
     basis = FourierBasis(1, count)
     excitation, outputs, slopes = system.excitation.map(count), system.outputs.map(count), _output_slopes(system, index)
     n, m = system.n_dof, system.n_lags
-    matrix, varies = None, system.linearisation_depends_on(OMEGA)
+    matrix, varies = None, depends_on_omega(system)
     amplitudes = np.empty(frequencies.shape, dtype=complex)
     for position in np.ndindex(frequencies.shape):
         values = base.copy()

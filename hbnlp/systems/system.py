@@ -244,7 +244,7 @@ class System:
         """
         values = self.parameters.values(at, but=(OMEGA,))
         if np.isnan(values).any():
-            if self.linearisation_depends_on(OMEGA, rest=rest):
+            if depends_on_omega(self, rest):
                 raise ValueError(
                     f"the linearisation of {self.name!r} depends on omega, which has no value; give one, for instance "
                     "at={'omega': 1.0}"
@@ -256,15 +256,6 @@ class System:
         if not np.all(np.isfinite(force_q)) or not np.all(np.isfinite(force_v)):
             raise NonFiniteError("the derivative of nonlinear_force is not finite at rest; smooth it there")
         return plant.state_matrix(force_q, force_v)
-
-    def linearisation_depends_on(self, name: str, *, rest: ArrayLike | None = None) -> bool:
-        """Return whether a matrix, or the derivative of the nonlinear force at rest, depends on a parameter."""
-        symbol, state = self.p[self.parameters.index(name)], ca.vertcat(self.q, self.v, self.tau)
-        q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
-        slope = ca.jacobian(self.force, ca.vertcat(self.q, self.v))
-        slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(self.n_dof + 1)]))
-        laws = [self.mass, self.damping, self.stiffness, self.lag_output, slope]
-        return any(ca.depends_on(law, symbol) for law in laws)
 
     def _check_signals(self) -> None:
         """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
@@ -287,3 +278,14 @@ class System:
             f"  parameters: {given}\n"
             f"  outputs: {', '.join(self.output_names)}"
         )
+
+
+def depends_on_omega(system: System, rest: ArrayLike | None = None) -> bool:
+    """Return whether the linearisation depends on omega: a matrix, or the derivative of the nonlinear force at rest."""
+    q0 = np.zeros(system.n_dof) if rest is None else np.asarray(rest, dtype=float)
+    slope = ca.jacobian(system.force, ca.vertcat(system.q, system.v))
+    state = ca.vertcat(system.q, system.v, system.tau)
+    slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(system.n_dof + 1)]))
+    omega = system.p[system.parameters.index(OMEGA)]
+    laws = [system.mass, system.damping, system.stiffness, system.lag_output, slope]
+    return any(ca.depends_on(law, omega) for law in laws)
