@@ -148,7 +148,7 @@ class HarmonicBalance:
 
         Raises
         ------
-        ValueError
+        SamplingError
             If a smooth force would not need that many.
         """
         if self.samples_are_settled:

@@ -14,6 +14,7 @@ from math import ceil
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.errors import SamplingError
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.fourier import FourierBasis
 from hbnlp.systems.excitation_samples import excitation_samples
@@ -95,11 +96,11 @@ class Sampling(FieldsAlone):
 
         Raises
         ------
-        ValueError
+        SamplingError
             If these are more than a smooth force would need.
         """
         if 2 * self.n_samples > MOST_SAMPLES:
-            raise ValueError(
+            raise SamplingError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
                 "it is not smooth enough for this tolerance; smooth it or pass n_samples"
             )

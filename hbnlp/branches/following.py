@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -19,7 +19,7 @@ from hbnlp.continuation.point import Point, start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, SamplingError
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.tasks import Ending, Report, drive
@@ -27,6 +27,7 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations, along_folds, along_parameter, settled
 from hbnlp.solutions.ipopt import FreeParameters
 from hbnlp.solutions.solution import attached
+from hbnlp.systems.parameters import ParameterSet
 
 
 def follow(
@@ -83,7 +84,8 @@ def follow(
     values = problem.values(point.solution.parameters)
     place = (float(values[index(own)]), float(values[index(name)]))
     spans = [
-        _span_around(given, value, each) for given, value, each in zip((limits, span), place, (own, name), strict=True)
+        _span_around(given, value, each, problem.system.parameters)
+        for given, value, each in zip((limits, span), place, (own, name), strict=True)
     ]
     curve, y = _fold_on_its_curve(along_folds(problem, values, own, name), point, place)
     options = method or PseudoArclength(angle=5.0, max_points=3000)
@@ -125,13 +127,15 @@ def _fold_on_its_curve(curve: Equations, fold: SpecialPoint, place: tuple[float,
     return curve, found.y
 
 
-def _span_around(span: tuple[float, float] | None, value: float, name: str) -> tuple[float, float]:
+def _span_around(
+    span: tuple[float, float] | None, value: float, name: str, parameters: ParameterSet
+) -> tuple[float, float]:
     if span is None:
         reach = 10.0 * abs(value) or 1.0
         span = (value / 10.0, reach) if value > 0.0 else (-reach, value / 10.0 if value else reach)
-    if len(span) != 2:
+    if not isinstance(span, Sequence | np.ndarray) or len(span) != 2:
         raise ValueError(f"the span of {name} is {span!r}; give two values, the lowest and the highest")
-    low, high = sorted(span)
+    low, high = sorted(parameters.span(name, span, what=f"the span of {name}"))
     if not low <= value <= high:
         raise ValueError(f"the fold lies at {name} = {value:g}, outside of {span!r}")
     return low, high
@@ -177,7 +181,7 @@ def _while_sampled(side: _Side, walk: Walk[Equations]) -> Iterator[tuple[Point, 
     """Yield the steps of a walk; where the force would take too many samples, that is the side's end."""
     try:
         yield from walk
-    except ValueError as error:
+    except SamplingError as error:
         side.end = str(error)
 
 

@@ -42,6 +42,10 @@ class NonFiniteError(HbnlpError):
     """A user's force, forcing or output gave a value or derivative that is not finite."""
 
 
+class SamplingError(HbnlpError, ValueError):
+    """A force would take more samples a period than a smooth one needs."""
+
+
 class SaveError(HbnlpError, OSError):
     """A file could not be written; nothing in memory was lost and no older file was touched."""
 

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import real_number, unknown_name
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import StaysHere
@@ -125,7 +125,7 @@ class Program(StaysHere):
         else:
             for name in {*over.names} ^ {*start}:
                 raise KeyError(unknown_name("variable", name, over.names) if name in start else f"start lacks {name!r}")
-            first = np.array([start[name] for name in over.names]) / over.scale
+            first = np.array([real_number(name, start[name]) for name in over.names]) / over.scale
             x0 = np.concatenate([first, *(r.start for r in self.responses)])
         for what, array, size in (("start", x0, self._states.size1_in(0)), ("data", given, self._states.size1_in(1))):
             if array.shape != (size,):

@@ -27,9 +27,11 @@ def deflated_newton(
     means = problem.shape[1] * np.array(problem.system.angles, dtype=int)
     previous = np.inf
     for _ in range(max_iterations):
-        residual = problem.assembly.residual(x, values)
-        jacobian = problem.assembly.jacobian(x, values)
-        if not (np.isfinite(residual.sum()) and np.isfinite(jacobian.sum())):
+        with np.errstate(all="ignore"):  # what is not finite ends the run
+            residual = problem.assembly.residual(x, values)
+            jacobian = problem.assembly.jacobian(x, values)
+            finite = np.isfinite(residual.sum()) and np.isfinite(jacobian.sum())
+        if not finite:
             return None
         try:
             step = -np.linalg.solve(jacobian, residual)

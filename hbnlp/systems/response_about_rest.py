@@ -12,7 +12,8 @@ from hbnlp.core.kept import by_one_thread
 from hbnlp.core.types import ComplexArray
 from hbnlp.fourier import FourierBasis, to_complex
 from hbnlp.systems.excitation_samples import FIRST_HARMONIC_SAMPLES
-from hbnlp.systems.system import System
+from hbnlp.systems.parameters import OMEGA
+from hbnlp.systems.system import System, depends_on_omega
 
 
 def linear_response(
@@ -31,7 +32,7 @@ def linear_response(
     output : str
         Name of an output; a nonlinear one is linearised about rest.
     omega : array_like, any shape (...)
-        Angular frequencies.
+        Angular frequencies, positive.
     at : mapping of parameter names to values, optional
         Overrides of the defaults.
     held : bool
@@ -44,16 +45,15 @@ def linear_response(
         Amplitudes a_1 - i a_2 of ``a_1 cos(tau) + a_2 sin(tau)``.
     """
     index = system.output_index(output)
-    frequencies = np.asarray(omega, dtype=float)
-    slot = system.parameters.index("omega")
-    base = system.parameters.values(at, but=("omega",))
+    given = np.asarray(omega, dtype=object)
+    frequencies = system.parameters.series(OMEGA, given.ravel(), what=OMEGA).reshape(given.shape)
+    slot = system.parameters.index(OMEGA)
+    base = system.parameters.values(at, but=(OMEGA,))
     count = FIRST_HARMONIC_SAMPLES
     basis = FourierBasis(1, count)
     excitation, outputs, slopes = system.excitation.map(count), system.outputs.map(count), _output_slopes(system, index)
     n, m = system.n_dof, system.n_lags
-    laws = [system.mass, system.damping, system.stiffness, system.lag_output, system.force]
-    varies = any(ca.depends_on(law, system.p[slot]) for law in laws)
-    matrix = system.linearisation(system.parameters.as_dict(np.nan_to_num(base)))
+    matrix, varies = None, depends_on_omega(system)
     amplitudes = np.empty(frequencies.shape, dtype=complex)
     for position in np.ndindex(frequencies.shape):
         values = base.copy()
@@ -67,7 +67,7 @@ def linear_response(
         else:
             acceleration = np.linalg.solve(system.state_matrices(values)[0], load)
             drive = np.concatenate([np.zeros(n), acceleration, system.lag_input @ acceleration + lag_load])
-            if varies:
+            if matrix is None or varies:
                 matrix = system.linearisation(system.parameters.as_dict(values))
             state = np.linalg.solve(s * np.eye(2 * n + m) - matrix, drive)
         q, v, x = state[:n], state[n : 2 * n], state[2 * n :]

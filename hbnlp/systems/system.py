@@ -32,7 +32,7 @@ from hbnlp.systems.expressions import (
     numbers,
 )
 from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmetries, names_of_displacements
-from hbnlp.systems.parameters import Namespace, ParameterSet
+from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.symmetry import Symmetry
 
@@ -271,10 +271,24 @@ class System:
     def linearisation(self, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None) -> Array:
         """Return the state matrix (n_state, n_state) of (q, q', x), linearised about rest.
 
-        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0; omega, where it
-        has no value, is taken as zero: a system whose matrices depend on it has no linearisation without one.
+        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0. Omega needs a
+        value, of any sign, only where the linearisation depends on it: a rotor's speed.
+
+        Raises
+        ------
+        ValueError
+            If the linearisation depends on omega, which has no value, or the mass matrix is singular.
+        NonFiniteError
+            If the force has no finite derivative there.
         """
-        values = np.nan_to_num(self.parameters.values(at, but=("omega",)))
+        values = self.parameters.values(at, but=(OMEGA,))
+        if np.isnan(values).any():
+            if depends_on_omega(self, rest):
+                raise ValueError(
+                    f"the linearisation of {self.name!r} depends on omega, which has no value; give one, for instance "
+                    "at={'omega': 1.0}"
+                )
+            values = np.where(np.isnan(values), 1.0, values)
         q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
         plant = Plant(*self.state_matrices(values), self.lag_state, self.lag_input)
         force_q, force_v = self.compiled_force.tangents(q0, np.zeros(self.n_dof), 0.0, values)
@@ -327,6 +341,18 @@ class System:
             f"  parameters: {given}\n"
             f"  outputs: {', '.join(self.output_names)}"
         )
+
+
+@by_one_thread
+def depends_on_omega(system: System, rest: ArrayLike | None = None) -> bool:
+    """Return whether the linearisation depends on omega: a matrix, or the derivative of the nonlinear force at rest."""
+    q0 = np.zeros(system.n_dof) if rest is None else np.asarray(rest, dtype=float)
+    slope = ca.jacobian(system.force, ca.vertcat(system.q, system.v))
+    state = ca.vertcat(system.q, system.v, system.tau)
+    slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(system.n_dof + 1)]))
+    omega = system.p[system.parameters.index(OMEGA)]
+    laws = [system.mass, system.damping, system.stiffness, system.lag_output, slope]
+    return any(ca.depends_on(law, omega) for law in laws)
 
 
 _RECEIVED: Kept[System] = Kept(8)
