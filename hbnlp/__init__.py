@@ -37,6 +37,7 @@ from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate
+from hbnlp.solutions.identity import relation, same_motion
 from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.solutions.rootfinder import Rootfinder
 from hbnlp.solutions.search import Search, find_all
@@ -48,6 +49,7 @@ from hbnlp.stability.result import Floquet, FloquetResult
 from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.sweeps.sweeping import sweep
 from hbnlp.systems.linear_stability import eigenvalues, stability_limits
+from hbnlp.systems.symmetry import Symmetry
 from hbnlp.systems.system import System
 from hbnlp.wing.coupling import membrane_wing
 from hbnlp.wing.lift import lift_response
@@ -91,6 +93,7 @@ __all__ = [
     "Status",
     "StopTracing",
     "Sweep",
+    "Symmetry",
     "System",
     "TaskError",
     "TimeResponse",
@@ -108,7 +111,9 @@ __all__ = [
     "locate_peak",
     "membrane_wing",
     "peaks",
+    "relation",
     "resolve_harmonics",
+    "same_motion",
     "solve",
     "stability_limits",
     "sweep",

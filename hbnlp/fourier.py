@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array, ComplexArray
 
 
@@ -97,7 +98,7 @@ def decibels(gain: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True)
-class FourierBasis:
+class FourierBasis(FieldsAlone):
     """``n_harmonics`` harmonics seen at ``n_samples`` equidistant phases of one period.
 
     Sampling and projection are exact inverses for signals within the basis when ``n_samples >= 2H + 1``. A product of

@@ -80,9 +80,10 @@ def _check_special_points(branch: Branch) -> None:
             beyond = point.value >= high - slack or point.value <= low + slack
             assert beyond, f"{point} is no extremum of its bracket"
             assert abs(point.value - 0.5 * (low + high)) <= 20.0 * width + 1e-3 * abs(high), f"{point} is far away"
-    folds = [p.index for p in branch.folds]
+    # a branch of broken symmetry turns at its pitchfork, which is a branch point
+    folds = [p.index for p in (*branch.folds, *branch.branch_points)]
     turns = np.flatnonzero(slopes[1:] != slopes[:-1])
     for turn in turns:
         assert any(turn <= index <= turn + 1 for index in folds), (
-            f"the parameter turns at point {turn + 1} without a fold"
+            f"the parameter turns at point {turn + 1} without a fold or a branch point"
         )

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from hbnlp.aero.arrays import check_finite
 from hbnlp.aero.table import read_table, write_table
 from hbnlp.core.checks import whole_number
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
@@ -20,7 +21,7 @@ _KIND = "FrequencyResponse"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class FrequencyResponse:
+class FrequencyResponse(ReadOnlyArrays):
     """Loads [C_L, dCp_1..dCp_N] per harmonic motion [alpha, z, W_1..W_N].
 
     Attributes

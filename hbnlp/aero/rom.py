@@ -13,6 +13,7 @@ from hbnlp.aero import statespace
 from hbnlp.aero.arrays import ARRAYS, MATRICES, checked_arrays
 from hbnlp.aero.provenance import Provenance
 from hbnlp.core.checks import instance_of, whole_number
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
@@ -24,7 +25,7 @@ _KIND = "AeroROM"
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
-class AeroROM:
+class AeroROM(ReadOnlyArrays):
     """Rational aerodynamics from the motion u = [alpha, z, W_1..W_N] to the loads y = [C_L, dCp_1..dCp_N].
 
     ::

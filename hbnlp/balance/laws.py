@@ -10,6 +10,7 @@ import numpy as np
 
 from hbnlp.balance.pattern import Pattern
 from hbnlp.balance.sampling import Sampling
+from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array
 from hbnlp.systems.lags import Lags
 from hbnlp.systems.signals import excitation_signals
@@ -60,7 +61,7 @@ class CompiledLaws:
         signals = [self._sampling.over_periods(each.slope(values, index, own)) for each in self._signals]
         return Laws._make([*matrices, *signals])
 
-    @cached_property
+    @built_once
     def _matrix_slopes(self) -> ca.Function:
         p, direction = self._system.p, ca.SX.sym("direction", self._system.p.numel())
 

@@ -16,6 +16,7 @@ import numpy as np
 from hbnlp.balance.laws import CompiledLaws, Laws, LawsAt
 from hbnlp.balance.pattern import Pattern
 from hbnlp.balance.sampling import Sampling
+from hbnlp.core.native import PerThread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import differentiation
 from hbnlp.systems.lags import Lags
@@ -25,8 +26,8 @@ from hbnlp.systems.system import System
 class LinearBalance:
     """The linear terms of the residual and their derivatives by any parameter.
 
-    What belongs to the last parameter point is kept, so that a residual and its derivatives there share it, and of that
-    what belongs to the laws until a parameter other than omega changes.
+    What belongs to a thread's last parameter point is kept, so that a residual and its derivatives there share it, and
+    of that what belongs to the laws until a parameter other than omega changes.
     """
 
     def __init__(self, system: System, sampling: Sampling) -> None:
@@ -35,7 +36,7 @@ class LinearBalance:
         self._operators = Operators(system, sampling)
         self._compiled = CompiledLaws(system, sampling)
         self._everywhere = Pattern(np.ones((system.n_dof, system.n_dof), dtype=bool), sampling.n_harmonics)
-        self._last: LinearPoint | None = None
+        self._last: PerThread[list[LinearPoint]] = PerThread(list)
 
     def residual(self, coefficients: Array, values: Array, load: float) -> Array:
         """Return the linear terms (n, L), the excitation multiplied by ``load``."""
@@ -116,20 +117,20 @@ class LinearBalance:
         return result
 
     def _at(self, values: Array) -> LinearPoint:
-        """Return what belongs to a parameter point, replaced as a whole when another is asked for.
+        """Return what belongs to a parameter point, replaced as a whole when the thread asks for another.
 
-        So an interrupt leaves nothing half done, and a thread never sees what belongs to the point of another.
+        So an interrupt leaves nothing half done, and threads at different points do not take turns in making them.
         """
-        last, omega = self._last, float(values[self._omega])
+        last, omega = self._last(), float(values[self._omega])
         key = values[self._compiled.followed].tobytes()
-        if last is not None and last.of_laws.key == key:
-            if last.omega == omega:
-                return last
-            of_laws = last.of_laws
+        if last and last[0].of_laws.key == key:
+            if last[0].omega == omega:
+                return last[0]
+            of_laws = last[0].of_laws
         else:
             of_laws = LawsAt(self._compiled, self._operators.lags, values)
-        self._last = point = LinearPoint(self._operators, of_laws, omega)
-        return point
+        last[:] = [LinearPoint(self._operators, of_laws, omega)]
+        return last[0]
 
 
 class Operators:

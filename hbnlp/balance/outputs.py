@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from hbnlp.balance.sampling import ALIASING_TOL, OUTPUT_SAMPLES, Sampling
 from hbnlp.core.errors import AliasingWarning
+from hbnlp.core.kept import built_once, by_one_thread
 from hbnlp.core.types import Array
 from hbnlp.fourier import FourierBasis, basis_values, differentiation, to_complex, to_real
 from hbnlp.systems.chunks import in_chunks, of_columns
@@ -30,6 +30,7 @@ TAU = 4
 """The place of the phase among the arguments of the outputs, behind q, q', q'' and x."""
 
 
+@by_one_thread
 def alike_outputs(system: System) -> list[tuple[Spectrum | None, list[int], ca.Function]]:
     """Return the outputs that take the same samples: their spectrum, their indices, and the function of just these.
 
@@ -51,6 +52,7 @@ def alike_outputs(system: System) -> list[tuple[Spectrum | None, list[int], ca.F
     return result
 
 
+@by_one_thread
 def warn_of_switches(system: System, name: str) -> None:
     """Warn where an output has switches, whose places a program does not know."""
     index, arguments = system.output_index(name), _arguments(system)
@@ -159,27 +161,27 @@ class OutputHarmonics:
             lags[:, 1:] = np.linalg.solve(resolvents, to_complex(drive).T[1:, :, None])[..., 0].T
         return np.concatenate([coefficients, first, second, to_real(lags)])
 
-    @cached_property
+    @built_once
     def _bases(self) -> dict[int, FourierBasis]:
         return {}
 
-    @cached_property
+    @built_once
     def _arguments(self) -> list[ca.SX]:
         return _arguments(self._system)
 
-    @cached_property
+    @built_once
     def _expression(self) -> ca.SX:
         return ca.densify(self._system.outputs(*self._arguments)[self.indices])
 
-    @cached_property
+    @built_once
     def _values(self) -> ca.Function:
         return self._in_chunk("outputs", self._expression)
 
-    @cached_property
+    @built_once
     def _switching(self) -> ca.Function:
         return self._in_chunk("switches", ca.densify(switches(self._expression)))
 
-    @cached_property
+    @built_once
     def _with_phase(self) -> bool:
         return bool(ca.depends_on(self._expression, self._arguments[TAU]))
 

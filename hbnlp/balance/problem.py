@@ -7,9 +7,9 @@ doi:10.1115/1.3176036.
 
 from __future__ import annotations
 
+import copy
 import weakref
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
@@ -20,7 +20,7 @@ from hbnlp.balance.assembly import Assembly
 from hbnlp.balance.outputs import OutputHarmonics, warn_of_switches
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
-from hbnlp.core.kept import Kept
+from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import n_coefficients, resize, to_complex
@@ -108,12 +108,26 @@ class HarmonicBalance:
             if sampling == known.sampling:
                 return known
 
-        def build() -> HarmonicBalance:
-            other = object.__new__(HarmonicBalance)
-            other._set_up(self.system, sampling, origin)
-            return other
+        return origin._relatives.get(sampling, lambda: HarmonicBalance._of(self.system, sampling, origin))
 
-        return origin._relatives.get(sampling, build)
+    @classmethod
+    def _of(cls, system: System, sampling: Sampling, origin: HarmonicBalance | None = None) -> HarmonicBalance:
+        problem = object.__new__(cls)
+        problem._set_up(system, sampling, origin or problem)
+        return problem
+
+    # -- copies and other processes ---------------------------------------------------------------------------------
+
+    def __reduce__(self) -> tuple[Callable[..., HarmonicBalance], tuple[System, Sampling, Sampling]]:
+        """Send the system and the samplings; what was compiled stays, and is compiled once where it arrives."""
+        return _received, (self.system, (self._origin() or self).sampling, self.sampling)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> HarmonicBalance:
+        """Return another balance of a copy of the system, which shares nothing with this one."""
+        return HarmonicBalance._of(copy.deepcopy(self.system, memo), self.sampling)
+
+    def __copy__(self) -> HarmonicBalance:
+        return HarmonicBalance._of(self.system, self.sampling)
 
     @property
     def n_samples(self) -> int:
@@ -135,7 +149,7 @@ class HarmonicBalance:
 
         Raises
         ------
-        ValueError
+        SamplingError
             If a smooth force would not need that many.
         """
         if self.samples_are_settled:
@@ -146,7 +160,7 @@ class HarmonicBalance:
 
     # -- numbers ----------------------------------------------------------------------------------------------------
 
-    @cached_property
+    @built_once
     def assembly(self) -> Assembly:
         """Residual and derivatives as fast numpy arrays."""
         return Assembly(self.system, self.sampling)
@@ -164,7 +178,7 @@ class HarmonicBalance:
 
     # -- the program ------------------------------------------------------------------------------------------------
 
-    @cached_property
+    @built_once
     def symbols(self) -> Symbols:
         """Unknowns, parameters, residual and outputs as expressions."""
         return Symbols(self.system, self.sampling)
@@ -189,12 +203,12 @@ class HarmonicBalance:
         """The square problem as CasADi's own ``{x, p, f, g}``: find x with g = 0 (f = 0)."""
         return {"x": self.x, "p": self.p, "f": ca.MX(0), "g": self.g}
 
-    @cached_property
+    @built_once
     def residual(self) -> ca.Function:
         """CasADi function (x, p) -> g."""
         return ca.Function("residual", [self.x, self.p], [self.g], ["x", "p"], ["g"])
 
-    @cached_property
+    @built_once
     def jacobian(self) -> ca.Function:
         """CasADi function (x, p) -> dg/dx."""
         return ca.Function("jacobian", [self.x, self.p], [ca.jacobian(self.g, self.x)], ["x", "p"], ["jac_g_x"])
@@ -225,7 +239,7 @@ class HarmonicBalance:
             raise ValueError(f"harmonic = {harmonic}; 1 to {self.n_harmonics} are retained")
         return ca.sumsqr(self.output(name)[2 * harmonic - 1 : 2 * harmonic + 1])
 
-    @cached_property
+    @built_once
     def output_function(self) -> ca.Function:
         """CasADi function (x, p) -> coefficients (n_outputs, 2H+1) of all outputs."""
         return ca.Function("outputs", [self.x, self.p], [self.symbols.outputs])
@@ -236,14 +250,14 @@ class HarmonicBalance:
         count, n_out = points.shape[0], len(self.system.output_names)
         if n_out == 0:
             return np.zeros((count, 0, self.n_harmonics + 1), dtype=complex)
-        columns = self.output_function.map(count)(points.T, parameters.T).full()
+        columns = by_one_thread(self.output_function.map)(count)(points.T, parameters.T).full()
         coefficients = columns.reshape(n_out, count, self.shape[1]).transpose(1, 0, 2)
         if self._checked_outputs.indices:
             for k in range(count):
                 coefficients[k, self._checked_outputs.indices] = self._checked_outputs.at(points[k], parameters[k])
         return to_complex(coefficients)
 
-    @cached_property
+    @built_once
     def _checked_outputs(self) -> OutputHarmonics:
         return OutputHarmonics(self.system, self.sampling)
 
@@ -254,3 +268,12 @@ class HarmonicBalance:
             f"HarmonicBalance of {self.system.name!r}: {self.n_harmonics} harmonics{period}, {self.size} unknowns\n"
             f"  {self.n_samples} samples a period ({settled})"
         )
+
+
+_RECEIVED: Kept[HarmonicBalance] = Kept(8)
+
+
+def _received(system: System, original: Sampling, sampling: Sampling) -> HarmonicBalance:
+    """Return a balance that came from elsewhere: of a system received before, the one that is compiled already."""
+    origin = _RECEIVED.get((system, original), lambda: HarmonicBalance._of(system, original))
+    return origin._with(sampling)

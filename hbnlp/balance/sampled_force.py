@@ -12,6 +12,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.kept import Kept
 from hbnlp.core.native import PerThread, bound
 from hbnlp.core.types import Array
 from hbnlp.fourier import FourierBasis
@@ -35,7 +36,8 @@ class SampledForce:
         self._omega, self._periods = system.parameters.index("omega"), periods
         self._n_q, self._viscous = self._force.places_q[0].size, self._force.places_v[0].size > 0
         self._phases = np.vstack([basis.sampling, basis.derivative_sampling]) if self._viscous else basis.sampling
-        self._memory = PerThread(lambda: _Memory(system, periods * basis.theta))
+        mapped = _Mapped(system, basis.n_samples)
+        self._memory = PerThread(lambda: _Memory(system, periods * basis.theta, mapped))
 
     def value(self, coefficients: Array, values: Array) -> Array:
         """Return the force."""
@@ -95,13 +97,29 @@ class SampledForce:
         return memory
 
 
+class _Mapped:
+    """The force and its derivatives at all samples, compiled once for all threads."""
+
+    def __init__(self, system: System, count: int) -> None:
+        self._force, self._count = system.compiled_force, count
+        self._kept: Kept[ca.Function] = Kept(4)
+
+    def __call__(self, name: _Name) -> ca.Function:
+        """Return one of them."""
+        return self._kept.get(name, lambda: self._compiled(getattr(self._force, name)))
+
+    def _compiled(self, function: ca.Function) -> ca.Function:
+        mapped = function.map(self._count)
+        return mapped.expand() if function.n_instructions() * self._count <= LARGEST_EXPANSION else mapped
+
+
 class _Memory:
     """The arrays of one thread: where the force is evaluated, and what it gives.
 
     Of ``state`` and ``direction`` the first half are displacements, the second their derivatives by phase.
     """
 
-    def __init__(self, system: System, tau: Array) -> None:
+    def __init__(self, system: System, tau: Array, mapped: _Mapped) -> None:
         count, n, n_p = tau.size, system.n_dof, len(system.parameters.names)
         self.state, self.direction = np.zeros((2 * count, n)), np.zeros((2 * count, n))
         self.r, self.dr = self.state[count:], self.direction[count:]
@@ -109,21 +127,16 @@ class _Memory:
         self.p, self.dp = np.zeros((count, n_p)), np.zeros((count, n_p))
         self._arguments = [self.state[:count], self.v, tau[:, None].copy(), self.p]
         self._arguments += [self.direction[:count], self.dv, self.dp]
-        self._force = system.compiled_force
+        self._mapped = mapped
         self._evaluations: dict[_Name, tuple[Callable[[], None], Array]] = {}
 
     def evaluated(self, name: _Name) -> Array:
         """Return a function's result (n_samples, size) at all samples, overwritten by its next evaluation."""
         if name not in self._evaluations:
-            self._evaluations[name] = self._compiled(getattr(self._force, name))
+            function = self._mapped(name)
+            result = np.zeros((len(self.p), function.nnz_out(0) // len(self.p)))
+            evaluate = bound(function, self._arguments[: function.n_in()], [result])
+            self._evaluations[name] = evaluate, result
         evaluate, result = self._evaluations[name]
         evaluate()
         return result
-
-    def _compiled(self, function: ca.Function) -> tuple[Callable[[], None], Array]:
-        count = len(self.p)
-        mapped = function.map(count)
-        if function.n_instructions() * count <= LARGEST_EXPANSION:
-            mapped = mapped.expand()
-        result = np.zeros((count, function.nnz_out(0)))
-        return bound(mapped, self._arguments[: function.n_in()], [result]), result

@@ -13,6 +13,8 @@ from math import ceil
 
 import numpy as np
 
+from hbnlp.core.errors import SamplingError
+from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
 from hbnlp.fourier import FourierBasis, resize, stretch
 from hbnlp.systems import signals
@@ -28,7 +30,7 @@ ALIASING_TOL = signals.ALIASING_TOL
 
 
 @dataclass(frozen=True)
-class Sampling:
+class Sampling(FieldsAlone):
     """At how many phases of a solution's period the force, the excitation and the outputs are sampled.
 
     Attributes
@@ -104,11 +106,11 @@ class Sampling:
 
         Raises
         ------
-        ValueError
+        SamplingError
             If these are more than a smooth force would need.
         """
         if 2 * self.n_samples > MOST_SAMPLES:
-            raise ValueError(
+            raise SamplingError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
                 "it is not smooth enough for this tolerance; smooth it or pass n_samples"
             )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import casadi as ca
 import numpy as np
 
 from hbnlp.balance.outputs import alike_outputs
 from hbnlp.balance.sampling import Sampling
+from hbnlp.core.kept import built_once
 from hbnlp.fourier import FourierBasis, differentiation, n_coefficients
 from hbnlp.systems.lags import Lags
 from hbnlp.systems.signals import excitation_signals
@@ -42,7 +41,7 @@ class Symbols:
         """Return the symbol of a parameter."""
         return self.p[self._system.parameters.index(name)]
 
-    @cached_property
+    @built_once
     def residual(self) -> ca.MX:
         """The residual, of the size and order of x."""
         system, basis = self._system, self._sampling.force
@@ -53,7 +52,7 @@ class Symbols:
         samples = force(q, v, *self._phases_and_parameters(basis))
         return ca.vec(self._linear_terms + ca.DM(basis.projection) @ samples.T)
 
-    @cached_property
+    @built_once
     def outputs(self) -> ca.MX:
         """Coefficients (n_outputs, 2H+1) of all outputs, projected from samples of the signals."""
         lags = self._lag_states if self._system.n_lags else ca.MX(self._coefficients.shape[0], 0)
@@ -66,7 +65,7 @@ class Symbols:
                 rows[index] = row
         return ca.vertcat(*rows) if rows else ca.MX(0, self._coefficients.shape[0])
 
-    @cached_property
+    @built_once
     def _motion(self) -> tuple[ca.MX, ca.MX, ca.MX]:
         """Coefficients (2H+1, n) of displacements, velocities and accelerations."""
         by_phase = ca.sparsify(ca.DM(differentiation(self._sampling.n_harmonics)))
@@ -83,7 +82,7 @@ class Symbols:
     def _phases_and_parameters(self, basis: FourierBasis) -> tuple[ca.DM, ca.MX]:
         return ca.DM(self._sampling.periods * basis.theta[None, :]), ca.repmat(self.p, 1, basis.n_samples)
 
-    @cached_property
+    @built_once
     def _linear_terms(self) -> ca.MX:
         """Coefficients (2H+1, n) of M q'' + D q' + K q - L_x x - excitation."""
         mass, damping, stiffness, lag_output = self._system.matrices(self.p)[:4]
@@ -93,7 +92,7 @@ class Symbols:
             balance -= self._lag_states @ lag_output.T
         return balance - self._excitation[0]
 
-    @cached_property
+    @built_once
     def _excitation(self) -> tuple[ca.MX, ca.MX]:
         """Coefficients (2H+1, n) of the load and (2H+1, m) of B_u u''."""
         own, rate = self._sampling.n_harmonics_of_excitation, self._rate
@@ -106,7 +105,7 @@ class Symbols:
         load = forcing + motion @ by_motion.T + first @ by_first.T + second @ by_second.T
         return load, second @ ca.DM(self._system.lag_motion.T)
 
-    @cached_property
+    @built_once
     def _lag_states(self) -> ca.MX:
         """Coefficients (2H+1, m) of x, from (s - A) x = B q'' + B_u u'' in A's eigenvectors."""
         system, rate = self._system, self._rate

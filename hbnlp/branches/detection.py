@@ -5,16 +5,33 @@ from __future__ import annotations
 import numpy as np
 
 from hbnlp.branches.critical import with_multiplier
-from hbnlp.branches.floquet_points import bifurcation_function, critical_multiplier, crossings
+from hbnlp.branches.floquet_points import bifurcation_function, critical_multiplier, crossings, samples_at
 from hbnlp.branches.folds import fold_by_newton, fold_sensitivity, left_null_vector
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.continuation.locating import locate
+from hbnlp.continuation.branch_points import BranchPoint
+from hbnlp.continuation.dips import Sample, crossing_in
+from hbnlp.continuation.locating import between, locate
 from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import Kind
+from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations
+from hbnlp.solutions.identity import broken_in
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import FloquetResult
+
+KEPT = 12
+"""Points whose multipliers are kept: those of a step and of the looks into it."""
+SHORTEST = 1e-6
+"""Shorter steps are not looked into."""
+STATIONARY = 1e-3
+"""A direction whose parameter component is below this part of it is one in which the parameter is stationary."""
+LOST, NEARLY_LOST = 1e-4, 1e-2
+"""A singular value below this part of the next one is zero: at a point that is solved for, or near one that is not."""
+BESIDE = 0.5
+"""A fold nearer to a branch point than this part of the step is the turn of the branch there."""
+STEADY = 1e-11
+"""A tangent's parameter component below this has no sign that can be trusted."""
 
 
 class Detector:
@@ -30,25 +47,82 @@ class Detector:
     def __init__(self, evaluator: FloquetEvaluator | None, newton: Newton) -> None:
         self._evaluator, self._newton = evaluator, newton
         self._known: list[tuple[Point, FloquetResult]] = []
+        self._earlier: tuple[Sample | None, ...] | None = None
+        self._crossing: BranchPoint | None = None
 
     def multipliers(self, curve: Equations, point: Point) -> FloquetResult | None:
         """Return the multipliers at a point of the curve, kept for the last few points; None where stability is off."""
         return self._floquet(curve, point, self._evaluator) if self._evaluator is not None else None
 
+    def shorter_step(self, curve: Equations, before: Point, after: Point) -> float | None:
+        """Return the length of a step into what this one steps over; None if it hides nothing, or stability is off.
+
+        A tongue between two points is entered and left by two crossings, which cancel at its ends: the test functions
+        of the multipliers then dip to zero and come back.
+        """
+        evaluator = self._evaluator
+        if evaluator is None:
+            return None
+        here, there = (self._samples(curve, point, point.arclength, evaluator) for point in (before, after))
+        earlier = self._earlier if self._earlier is not None else (None,) * len(here)
+        length = after.arclength - before.arclength
+        if length <= SHORTEST:
+            return None
+        for k, samples in enumerate(zip(earlier, here, there, strict=True)):
+            past, one, other = samples
+            if one is None or other is None or one.sign != other.sign:
+                continue
+            seen: dict[float, Point] = {}
+
+            def look(place: float, k: int = k, seen: dict[float, Point] = seen) -> Sample | None:
+                share = (place - before.arclength) / length
+                point = between(curve, before, after, share, self._newton)
+                if point is None:
+                    return None
+                seen[place] = point
+                return self._samples(curve, point, place, evaluator)[k]
+
+            place = crossing_in(past, one, other, look)
+            if place is not None and place in seen:
+                return float(before.tangent / before.scale**2 @ (seen[place].y - before.y))
+        return None
+
     def between(self, curve: Equations, before: Point, after: Point, index: int) -> tuple[SpecialPoint, ...]:
         """Return the special points in a step; ``index`` is the number of the point before it."""
-        found: list[SpecialPoint] = []
-        if before.tangent[-1] * after.tangent[-1] < 0.0:
-            found.append(_fold(curve, before, after, index))
-        if after.branch_point is not None:
-            found.append(_branch_point(curve, before, after, index))
-        evaluator = self._evaluator
+        found, evaluator = self._by_tangent_and_determinant(curve, before, after, index), self._evaluator
         if evaluator is not None:
+            self._earlier = self._samples(curve, before, before.arclength, evaluator)
             found = [with_multiplier(point, evaluator) for point in found]
-            for kind in crossings(*(self._floquet(curve, point, evaluator) for point in (before, after))):
-                point = self._bifurcation(curve, kind, before, after, index, evaluator)
+            kinds = crossings(*(self._floquet(curve, point, evaluator) for point in (before, after)))
+            for number, kind in enumerate(kinds):
+                which = kinds[:number].count(kind)
+                point = self._bifurcation(curve, kind, before, after, index, evaluator, which)
                 found += [point] if point is not None else []
         return tuple(found)
+
+    def _by_tangent_and_determinant(
+        self, curve: Equations, before: Point, after: Point, index: int
+    ) -> list[SpecialPoint]:
+        """Return the fold and the branch point in a step.
+
+        Where the parameter is stationary in all directions of the kernel, as at the common fold of identical parts,
+        there is a fold and no branch point.
+        """
+        found: list[SpecialPoint] = []
+        crossing = after.branch_point
+        turns = [point.tangent[-1] / point.scale[-1] for point in (before, after)]
+        if turns[0] * turns[1] < 0.0 and max(map(abs, turns)) > STEADY:
+            fold = _fold(curve, before, after, index, crossing or self._crossing)
+            found += [fold] if fold is not None else []
+        if crossing is not None and not _is_multiple_fold(curve, crossing.y):
+            found.append(_branch_point(curve, before, after, index))
+        self._crossing = crossing
+        return found
+
+    def _samples(
+        self, curve: Equations, point: Point, place: float, evaluator: FloquetEvaluator
+    ) -> tuple[Sample | None, ...]:
+        return samples_at(self._floquet(curve, point, evaluator).multipliers, place)
 
     def _floquet(self, curve: Equations, point: Point, evaluator: FloquetEvaluator) -> FloquetResult:
         for known, result in self._known:
@@ -56,18 +130,25 @@ class Detector:
                 return result
         near = self._known[-1][1] if self._known else None
         result = evaluator(curve.coefficients(point.y), curve.values(point.y), near=near)
-        self._known = [*self._known[-3:], (point, result)]
+        self._known = [*self._known[-KEPT:], (point, result)]
         return result
 
     def _bifurcation(
-        self, curve: Equations, kind: Kind, before: Point, after: Point, index: int, evaluator: FloquetEvaluator
+        self,
+        curve: Equations,
+        kind: Kind,
+        before: Point,
+        after: Point,
+        index: int,
+        evaluator: FloquetEvaluator,
+        which: int,
     ) -> SpecialPoint | None:
         """Return the period doubling or Neimark-Sacker point in a step; None if nothing of that kind is there."""
 
         def at(point: Point) -> FloquetResult:
             return self._floquet(curve, point, evaluator)
 
-        test = bifurcation_function(kind, before, after, at)
+        test = bifurcation_function(kind, before, after, at, which=which)
         if test is None:
             return None
         crosses = test(before) * test(after) < 0.0
@@ -86,30 +167,65 @@ class Detector:
         )
 
 
-def _fold(curve: Equations, before: Point, after: Point, index: int) -> SpecialPoint:
-    """Return the fold between two points whose tangents differ in the sign of their parameter component."""
+def _kernel(curve: Equations, y: Array) -> tuple[float, float]:
+    """Return how near dR/dy is to having lost a rank, and the largest part of the parameter in its weak directions.
+
+    These are the tangent and the one that the smallest singular value belongs to, whose ratio to the next is returned.
+    """
+    jacobian = np.zeros((curve.size, y.size))
+    curve.jacobian(y, jacobian)
+    _, sizes, directions = np.linalg.svd(jacobian * curve.scale(y))
+    ratio = float(sizes[-1] / sizes[-2]) if sizes.size > 1 else 1.0
+    return ratio, float(np.abs(directions[-2:, -1]).max())
+
+
+def _is_multiple_fold(curve: Equations, y: Array) -> bool:
+    """Return whether the parameter is stationary in all directions of the kernel, of which there are several."""
+    return _kernel(curve, y)[1] < STATIONARY
+
+
+def _fold(
+    curve: Equations, before: Point, after: Point, index: int, crossing: BranchPoint | None
+) -> SpecialPoint | None:
+    """Return the fold between two points whose tangents differ in the sign of their parameter component.
+
+    None where it is none: a branch of broken symmetry turns in its parameter at its pitchfork. Such a point is that of
+    a ``crossing`` beside it whose other branch moves in the parameter, or one where the Jacobian loses a rank and the
+    parameter is not stationary in the direction that belongs to it.
+    """
     a, b = before.tangent[-1], after.tangent[-1]
     share = a / (a - b)
     guess = before.y + share * (after.y - before.y)
     along = curve.unknowns.coefficients((1.0 - share) * before.tangent + share * after.tangent)
-    problem, name, values = curve.problem, curve.name, curve.values(guess)
-    found = fold_by_newton(problem, curve.unknowns.coefficients(guess), values, name, Newton(), along)
+    problem, name, scale = curve.problem, curve.name, before.scale
+    length = float(np.linalg.norm((after.y - before.y) / scale))
+
+    def near(y: Array, other: Array, part: float) -> bool:
+        return bool(np.linalg.norm((y - other) / scale) <= part * length)
+
+    if crossing is not None and near(guess, crossing.y, BESIDE) and abs(crossing.null[-1]) / scale[-1] > STATIONARY:
+        return None
+    found = fold_by_newton(problem, curve.unknowns.coefficients(guess), curve.values(guess), name, Newton(), along)
     y = curve.unknowns.joined(found.x, [found.value])
-    length = np.linalg.norm((after.y - before.y) / before.scale)
-    if found.null is None or not (found.converged and np.linalg.norm((y - guess) / before.scale) <= length):
+    located = found.converged and near(y, guess, 1.0)
+    ratio, part = _kernel(curve, y if located else guess)
+    if part > STATIONARY and ratio < (LOST if found.by_newton and located else NEARLY_LOST):
+        return None
+    if not located or not (found.by_newton or part <= STATIONARY):
         return _unrefined(curve, Kind.FOLD, before, after, index)
-    values = curve.values(y)
-    left = left_null_vector(problem, found.x, values, name, found.null)
+    assert found.null is not None
+    x, values, null = found.x, curve.values(y), found.null
+    left = left_null_vector(problem, x, values, name, null)
     return SpecialPoint(
         kind=Kind.FOLD,
-        name=curve.name,
+        name=name,
         value=found.value,
         bracket=(before.value, after.value),
         index=index,
         refined=True,
         solution=curve.solution(y, residual=found.residual, iterations=found.iterations),
-        null=found.null.reshape(problem.shape),
-        sensitivity=fold_sensitivity(problem, found.x, values, name, left),
+        null=null.reshape(problem.shape),
+        sensitivity=fold_sensitivity(problem, x, values, name, left),
     )
 
 
@@ -117,6 +233,7 @@ def _branch_point(curve: Equations, before: Point, after: Point, index: int) -> 
     """Return the branch point that the continuation located on its way to ``after``."""
     assert after.branch_point is not None
     point = after.branch_point
+    solution, null = curve.solution(point.y, residual=point.residual), curve.coefficients(point.null)
     return SpecialPoint(
         kind=Kind.BRANCH_POINT,
         name=curve.name,
@@ -124,8 +241,9 @@ def _branch_point(curve: Equations, before: Point, after: Point, index: int) -> 
         bracket=(before.value, after.value),
         index=index,
         refined=True,
-        solution=curve.solution(point.y, residual=point.residual),
-        null=curve.coefficients(point.null),
+        solution=solution,
+        null=null,
+        breaks=broken_in(solution, null, floor=curve.unknowns.size_of(point.y)),
     )
 
 

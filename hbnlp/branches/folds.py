@@ -16,11 +16,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.continuation.curve import Bordered, null_vector
-from hbnlp.continuation.newton import Newton, correct
+from hbnlp.continuation.curve import Bordered, null_vector, relative_residual
+from hbnlp.continuation.newton import LARGEST_RESIDUAL, Correction, Newton, correct
 from hbnlp.core.types import Array
-from hbnlp.solutions.equations import along_folds, along_parameter
+from hbnlp.solutions.equations import Equations, along_folds, along_parameter
 from hbnlp.solutions.ipopt import Ipopt, minimise
+
+LARGEST_CONDITION = 1e12
+"""Of the bordered system at a fold; a larger one means that the kernel has several dimensions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +44,8 @@ class LocatedFold:
     iterations : int
     reason : str
         Why it did not converge.
+    by_newton : bool
+        False where Newton's method failed and least squares served, as they do where the kernel has several dimensions.
     """
 
     x: Array = field(repr=False)
@@ -51,6 +56,7 @@ class LocatedFold:
     residual: float
     iterations: int
     reason: str
+    by_newton: bool = True
 
 
 def fold_by_newton(
@@ -63,6 +69,9 @@ def fold_by_newton(
     here = values[problem.system.parameters.index(name)]
     guess = curve.unknowns.joined(x, [here, 1.0], null / np.linalg.norm(null))
     found = correct(curve, guess, curve.unknowns.fixing_last(), newton)
+    regular = found.converged
+    if not regular:
+        found = _by_least_squares(curve, guess, newton)
     return LocatedFold(
         x=curve.unknowns.coefficients(found.y),
         value=float(curve.unknowns.scalars(found.y)[0]),
@@ -71,6 +80,47 @@ def fold_by_newton(
         residual=found.residual,
         iterations=found.iterations,
         reason=found.reason,
+        by_newton=regular,
+    )
+
+
+def _by_least_squares(curve: Equations, guess: Array, newton: Newton) -> Correction:
+    """Return a fold whose kernel has several dimensions, by the smallest of the steps that solve Newton's equations.
+
+    Any vector of the kernel serves as v, so that the fold's equations are singular at their solutions; these form a
+    manifold, onto which Gauss and Newton's method converges quadratically (Ben-Israel 1966,
+    doi:10.1016/0022-247X(66)90115-6).
+    """
+    y, scale = guess.copy(), curve.scale(guess)
+    matrix, size = np.zeros((curve.size, y.size)), np.inf
+    for iteration in range(1, newton.max_iterations + 1):
+        matrix[:] = 0.0
+        curve.jacobian(y, matrix)
+        residual = curve.residual(y)
+        if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
+            break
+        step = np.linalg.lstsq(matrix[:, :-1] * scale[:-1], -residual, rcond=1e-8)[0] * scale[:-1]
+        y[:-1] += step
+        size = float(np.linalg.norm(step / scale[:-1]))
+        if size <= newton.tol:
+            remaining = relative_residual(curve, y)
+            return Correction(
+                y=y,
+                converged=remaining <= LARGEST_RESIDUAL,
+                iterations=iteration,
+                factorisations=iteration,
+                error=size,
+                residual=remaining,
+                reason="" if remaining <= LARGEST_RESIDUAL else f"the residual is {remaining:.1e} of its terms",
+            )
+    return Correction(
+        y=y,
+        converged=False,
+        iterations=newton.max_iterations,
+        factorisations=newton.max_iterations,
+        error=size,
+        residual=np.inf,
+        reason="no fold was found by Newton's method or by least squares",
     )
 
 
@@ -95,12 +145,18 @@ def fold_by_program(
 def left_null_vector(problem: HarmonicBalance, x: Array, values: Array, name: str, null: Array) -> Array:
     """Return w with w.R_x = 0 at a fold with null vector v, scaled to w.R_lambda = 1.
 
-    It solves the transpose of the system [R_x, R_lambda; v, 0], which is regular at a fold.
+    It solves the transpose of the system [R_x, R_lambda; v, 0], which is regular at a fold. Where the kernel has
+    several dimensions it is singular, and w the smallest solution.
     """
     curve = along_parameter(problem, values, name)
     y = curve.unknowns.joined(x, [values[problem.system.parameters.index(name)]])
-    factors = Bordered.at(curve, y, np.append(null, 0.0))
-    return factors.solve_transposed(curve.unknowns.fixing_last())[: problem.size]
+    matrix = np.zeros((y.size, y.size))
+    curve.jacobian(y, matrix[:-1])
+    matrix[-1, :-1] = null
+    last = curve.unknowns.fixing_last()
+    if np.linalg.cond(matrix) > LARGEST_CONDITION:
+        return np.asarray(np.linalg.lstsq(matrix.T, last, rcond=1.0 / LARGEST_CONDITION)[0][: problem.size])
+    return Bordered(matrix).solve_transposed(last)[: problem.size]
 
 
 def fold_sensitivity(problem: HarmonicBalance, x: Array, values: Array, name: str, left: Array) -> dict[str, float]:

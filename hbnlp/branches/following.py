@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
+from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.fold_curves import FIRST_SPAN, SECOND_SPAN, FoldBranch, FoldCurvePoint
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.arclength import PseudoArclength, Stop
@@ -18,13 +19,15 @@ from hbnlp.continuation.point import Point, start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, SamplingError
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations, along_folds, along_parameter, settled
 from hbnlp.solutions.ipopt import FreeParameters
 from hbnlp.solutions.solution import attached
+from hbnlp.systems.parameters import ParameterSet
 
 
 def follow(
@@ -81,7 +84,8 @@ def follow(
     values = problem.values(point.solution.parameters)
     place = (float(values[index(own)]), float(values[index(name)]))
     spans = [
-        _span_around(given, value, each) for given, value, each in zip((limits, span), place, (own, name), strict=True)
+        _span_around(given, value, each, problem.system.parameters)
+        for given, value, each in zip((limits, span), place, (own, name), strict=True)
     ]
     curve, y = _fold_on_its_curve(along_folds(problem, values, own, name), point, place)
     options = method or PseudoArclength(angle=5.0, max_points=3000)
@@ -123,13 +127,15 @@ def _fold_on_its_curve(curve: Equations, fold: SpecialPoint, place: tuple[float,
     return curve, found.y
 
 
-def _span_around(span: tuple[float, float] | None, value: float, name: str) -> tuple[float, float]:
+def _span_around(
+    span: tuple[float, float] | None, value: float, name: str, parameters: ParameterSet
+) -> tuple[float, float]:
     if span is None:
         reach = 10.0 * abs(value) or 1.0
         span = (value / 10.0, reach) if value > 0.0 else (-reach, value / 10.0 if value else reach)
-    if len(span) != 2:
+    if not isinstance(span, Sequence | np.ndarray) or len(span) != 2:
         raise ValueError(f"the span of {name} is {span!r}; give two values, the lowest and the highest")
-    low, high = sorted(span)
+    low, high = sorted(parameters.span(name, span, what=f"the span of {name}"))
     if not low <= value <= high:
         raise ValueError(f"the fold lies at {name} = {value:g}, outside of {span!r}")
     return low, high
@@ -175,7 +181,7 @@ def _while_sampled(side: _Side, walk: Walk[Equations]) -> Iterator[tuple[Point, 
     """Yield the steps of a walk; where the force would take too many samples, that is the side's end."""
     try:
         yield from walk
-    except ValueError as error:
+    except SamplingError as error:
         side.end = str(error)
 
 
@@ -214,10 +220,7 @@ def _is_centre(curve: Equations, y: Array) -> bool:
     along_first.jacobian(point, full)
     left, _, right = np.linalg.svd(full)
     w, plane = left[:, -1], right[-2:]
-    along, weight, substituted = ca.MX.sym("along", n + 1), ca.MX.sym("w", n), FreeParameters(problem, [name])
-    form, unknowns = ca.dot(weight, substituted(problem.g)), substituted.unknowns
-    second = ca.jtimes(ca.jtimes(form, unknowns, along), unknowns, along)
-    function = ca.Function("second", [unknowns, problem.p, weight, along], [second])
+    function = _second_derivative(problem, name)
 
     def quadratic(direction: Array) -> float:
         return float(function(point, values, w, direction))
@@ -225,3 +228,13 @@ def _is_centre(curve: Equations, y: Array) -> bool:
     a, c = quadratic(plane[0]), quadratic(plane[1])
     b = 0.25 * (quadratic(plane[0] + plane[1]) - quadratic(plane[0] - plane[1]))
     return a * c - b * b > 0.0
+
+
+@by_one_thread
+def _second_derivative(problem: HarmonicBalance, name: str) -> ca.Function:
+    """Return the function (unknowns and a free parameter, p, weight, direction) -> d^2 (weight . R), twice along it."""
+    n = problem.size
+    along, weight, substituted = ca.MX.sym("along", n + 1), ca.MX.sym("w", n), FreeParameters(problem, [name])
+    form, unknowns = ca.dot(weight, substituted(problem.g)), substituted.unknowns
+    second = ca.jtimes(ca.jtimes(form, unknowns, along), unknowns, along)
+    return ca.Function("second", [unknowns, problem.p, weight, along], [second])

@@ -12,6 +12,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.kinds import Kind
 from hbnlp.core.types import Array
 from hbnlp.solutions.solution import Solution
+from hbnlp.systems.symmetry import Symmetry
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,6 +41,9 @@ class SpecialPoint:
         truncated equations alone.
     sensitivity : dict
         At a fold: derivative of its value by every other parameter, from the left null vector.
+    breaks : Symmetry or None
+        At a branch point: the symmetry of the motion that the other branch loses, a pitchfork. None where it loses
+        none, a plain crossing, and at all other points. Over several forcing periods it may be the shift by one.
     """
 
     kind: Kind
@@ -52,6 +56,7 @@ class SpecialPoint:
     null: Array | None = field(default=None, repr=False)
     multiplier: complex | None = None
     sensitivity: Mapping[str, float] = field(default_factory=dict)
+    breaks: Symmetry | None = None
 
     @property
     def problem(self) -> HarmonicBalance | None:
@@ -60,6 +65,7 @@ class SpecialPoint:
 
     def __repr__(self) -> str:
         state = "" if self.refined else " (not refined)"
+        state += f", breaks {self.breaks.name!r}" if self.breaks is not None else ""
         return f"{self.kind.value} at {self.value:.12g}{state}, between {self.bracket[0]:.8g} and {self.bracket[1]:.8g}"
 
 
@@ -73,6 +79,9 @@ def packed(points: Sequence[SpecialPoint], shape: tuple[int, ...]) -> tuple[dict
         "special_amplitudes": np.array([p.solution.amplitudes for p in points]),
         "special_null": np.array([absent if p.null is None else p.null for p in points]),
     }
+    if any(p.breaks is not None for p in points):
+        none = np.full((shape[0], shape[0]), np.nan)
+        arrays["special_breaks"] = np.array([none if p.breaks is None else p.breaks.matrix for p in points])
     return arrays, [_metadata(p) for p in points]
 
 
@@ -110,9 +119,15 @@ def unpacked(
                 null=None if np.all(np.isnan(null)) else null,
                 multiplier=None if entry["multiplier"] is None else complex(*entry["multiplier"]),
                 sensitivity=entry["sensitivity"],
+                breaks=_symmetry(entry.get("breaks"), arrays, i),
             )
         )
     return tuple(points)
+
+
+def _symmetry(entry: Mapping[str, Any] | None, arrays: Mapping[str, Any], i: int) -> Symmetry | None:
+    """Return the symmetry that the i-th point breaks; in files from before there was such a thing, none."""
+    return None if entry is None else Symmetry(arrays["special_breaks"][i], shift=entry["shift"], name=entry["name"])
 
 
 def _metadata(point: SpecialPoint) -> dict[str, Any]:
@@ -126,4 +141,5 @@ def _metadata(point: SpecialPoint) -> dict[str, Any]:
         "statistics": dict(point.solution.statistics),
         "multiplier": None if point.multiplier is None else [point.multiplier.real, point.multiplier.imag],
         "sensitivity": dict(point.sensitivity),
+        "breaks": None if point.breaks is None else {"name": point.breaks.name, "shift": point.breaks.shift},
     }

@@ -8,7 +8,7 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.continuation.curve import null_vector
+from hbnlp.continuation.curve import TINY, null_vector
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.checks import instance_of
 from hbnlp.core.kinds import Kind
@@ -16,7 +16,11 @@ from hbnlp.core.renamed import fewer_arguments, renamed_arguments
 from hbnlp.core.types import Array
 from hbnlp.fourier import stretch
 from hbnlp.solutions.equations import along_parameter
+from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, attached
+
+AT_REST = 1e-3
+"""A motion smaller than this part of the nonlinear ones is rest."""
 
 
 @renamed_arguments(special="point", name="switch_branch(point): it knows its parameter")
@@ -57,7 +61,9 @@ def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution,
         problem, origin, direction = _doubled(problem, point, values)
     else:
         raise ValueError(f"no branch crosses at a {point.kind.value}; a branch point or a period doubling is needed")
-    curve = along_parameter(problem, values, point.name)
+    floor = size_of_nonlinearity(problem, origin.ravel(), direction.ravel(), values)
+    at_rest = float(np.linalg.norm(origin)) <= AT_REST * floor
+    curve = along_parameter(problem, values, point.name, floor=floor if at_rest else TINY)
     base = curve.point(origin, values[problem.system.parameters.index(point.name)])
     scale = curve.scale(base)
     tangent = curve.point(direction, 0.0)

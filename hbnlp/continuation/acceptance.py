@@ -8,17 +8,37 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from hbnlp.continuation.branch_points import Arc, BranchPoint, branch_point_on
 from hbnlp.continuation.curve import Curve
+from hbnlp.continuation.dips import Sample, crossing_in
 from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import Point
 from hbnlp.core.types import Array
 
 SUSPICIOUS_LENGTH = 2e-3
 """Steps longer than this are looked at for a pair of branch points within them."""
+SHORT = 3e-3
+"""A longer step in which the orientation changes by no branch point is refused: the two may still come apart."""
+SMOOTH = 2e-3
+"""How far from the cubic through its ends a step may run, relative to its length, to be one smooth curve."""
+
+
+class Verdict(NamedTuple):
+    """What becomes of a step: the point that is accepted, None where it is refused, and the angle between the tangents.
+
+    ``length`` is the step to make instead, where one is known.
+    """
+
+    point: Point | None
+    turn: float
+    length: float | None = None
+
+
+REFUSED = Verdict(None, 0.0)
 
 
 def accepted(
@@ -30,8 +50,8 @@ def accepted(
     angle: float,
     newton: Newton,
     at: Callable[[float], Point | None],
-) -> tuple[Point | None, float]:
-    """Return the trial point with its arclength and the branch point before it, or None if the step is refused.
+) -> Verdict:
+    """Return the trial point with its arclength and the branch point before it, or that the step is refused.
 
     Parameters
     ----------
@@ -46,9 +66,7 @@ def accepted(
 
     Returns
     -------
-    Point or None
-    float
-        The angle between the tangents, for the next step's length.
+    Verdict
     """
     scale = base.scale
     chord = (trial.y - base.y) / scale
@@ -59,31 +77,53 @@ def accepted(
     middle = here + there
     aside = _angle(chord / length, middle / np.linalg.norm(middle)) if length > 0.0 else np.pi
     if turn > angle or aside > 0.3 * turn + 0.02:
-        return None, turn
+        return Verdict(None, turn)
     branch_point = None
     if trial.orientation == base.orientation:
-        if before is not None and length > SUSPICIOUS_LENGTH and _dips(before, base, trial, length):
-            half_way = at(0.5 * float(base.tangent / scale**2 @ (trial.y - base.y)))
-            if half_way is None or half_way.orientation != base.orientation:
-                return None, turn
+        shorter = _hidden(before, base, trial, at) if length > SUSPICIOUS_LENGTH else None
+        if shorter is not None:
+            return Verdict(None, turn, shorter)
     else:
         branch_point = _branch_point(curve, base, trial, newton)
-        if branch_point is None:
-            return None, turn
-    return dataclasses.replace(trial, arclength=base.arclength + length, branch_point=branch_point), turn
+        if branch_point is None and not (length < SHORT and _turns_smoothly(base, trial, at)):
+            return Verdict(None, turn)
+    point = dataclasses.replace(trial, arclength=base.arclength + length, branch_point=branch_point)
+    return Verdict(point, turn)
 
 
-def _dips(before: Point, base: Point, trial: Point, length: float) -> bool:
-    """Return whether the determinant may have been zero twice on the way, by a parabola through three points."""
-    back = base.arclength - before.arclength
-    earlier = before.orientation * base.orientation * np.exp(min(before.log_determinant - base.log_determinant, 50.0))
-    later = np.exp(min(trial.log_determinant - base.log_determinant, 50.0))
-    slopes = (1.0 - earlier) / back, (later - 1.0) / length
-    curvature = (slopes[1] - slopes[0]) / (back + length)
-    slope = slopes[0] + curvature * back
-    if curvature <= 0.0 or not 0.0 < -slope < 2.0 * curvature * length:
+def _hidden(before: Point | None, base: Point, trial: Point, at: Callable[[float], Point | None]) -> float | None:
+    """Return a step's length at which the determinant has another sign than at both its ends, or None."""
+    whole = float(base.tangent / base.scale**2 @ (trial.y - base.y))
+
+    def sample(place: float, point: Point) -> Sample:
+        return Sample(place, point.orientation, point.log_determinant)
+
+    def look(place: float) -> Sample | None:
+        point = at(place)
+        return sample(place, point) if point is not None else None
+
+    earlier = None
+    if before is not None:
+        earlier = sample(before.arclength - base.arclength, before)
+    return crossing_in(earlier, sample(0.0, base), sample(whole, trial), look)
+
+
+def _turns_smoothly(base: Point, trial: Point, at: Callable[[float], Point | None]) -> bool:
+    """Return whether a step past a fold follows one smooth curve, though the orientation changes and no branch crosses.
+
+    At the common fold of identical parts the Jacobian loses as many ranks as there are parts, and the determinant as
+    many signs; no single branch point is there to be found.
+    """
+    if base.tangent[-1] * trial.tangent[-1] >= 0.0:
         return False
-    return bool(1.0 - 0.25 * slope**2 / curvature < 0.2 * min(1.0, later))
+    arc = Arc(base.y, trial.y, (base.tangent, trial.tangent), base.scale)
+    row = base.tangent / base.scale**2
+    for share in (0.25, 0.5, 0.75):
+        expected = arc.at(share)
+        point = at(float(row @ (expected - base.y)))
+        if point is None or np.linalg.norm((point.y - expected) / base.scale) > SMOOTH * arc.length:
+            return False
+    return True
 
 
 def _branch_point(curve: Curve, base: Point, trial: Point, newton: Newton) -> BranchPoint | None:

@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from hbnlp.continuation.acceptance import accepted
+from hbnlp.continuation.acceptance import REFUSED, accepted
 from hbnlp.continuation.curve import Curve
 from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import Point, carried, finish
@@ -77,6 +77,9 @@ class StopContinuation(Exception):
         super().__init__(reason.value)
         self.reason = reason
 
+    def __reduce__(self) -> tuple[type[StopContinuation], tuple[Stop]]:
+        return type(self), (self.reason,)
+
 
 C = TypeVar("C", bound=Curve)
 
@@ -109,6 +112,13 @@ class Continuation(Generic[C]):
         self.refused = 0
         self._before: Point | None = None
         self._bend: Array = np.zeros_like(start.y)
+        self._undo: tuple[Point, Point | None, Array] = (start, self._before, self._bend)
+
+    def retract(self, step: float) -> None:
+        """Take back the last step, and try this length next: it went too far."""
+        self.point, self._before, self._bend = self._undo
+        self.step = step
+        self.refused += 1
 
     def advance(self, limits: tuple[float, float] | None = None) -> Point:
         """Make one accepted step and return the new point; a step across a parameter limit is cut to end on it.
@@ -122,11 +132,11 @@ class Continuation(Generic[C]):
         largest = 2.0 * np.radians(self.options.angle)
         while self.step >= self.options.min_step:
             base = self.point
-            trial = self._trial(base, self.step, limits)
+            trial, verdict = self._trial(base, self.step, limits), REFUSED
             if trial is None:
                 reason = Stop.STEP_TOO_SMALL
             else:
-                after, turn = accepted(
+                verdict = accepted(
                     self.curve,
                     self._before,
                     base,
@@ -135,15 +145,17 @@ class Continuation(Generic[C]):
                     newton=self.options.newton,
                     at=partial(self.at, base),
                 )
+                after = verdict.point
                 if after is not None:
-                    self._adapt(turn, after.iterations)
+                    self._undo = (base, self._before, self._bend)
+                    self._adapt(verdict.turn, after.iterations)
                     self._bend = _bend(base, after)
                     self._before = dataclasses.replace(base, factors=None)
                     self.point = after
                     return after
                 reason = Stop.JUMP
             self.refused += 1
-            self.step *= 0.5
+            self.step = verdict.length or 0.5 * self.step
         raise StopContinuation(reason)
 
     def resume_on(self, curve: C) -> None:

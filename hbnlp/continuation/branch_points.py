@@ -124,7 +124,8 @@ def branch_point_on(
         if not float(np.linalg.norm((y - start) / scale)) <= STRAYS * arc.length:
             return None
         if size <= tol:
-            residual = relative_residual(curve, y)
+            # where the terms vanish, at rest, they are measured by those at the ends of the arc
+            residual = relative_residual(curve, y, least=max(curve.term_size(arc.at(s)) for s in (0.0, 1.0)))
             null = phi[:, 1] / np.linalg.norm(phi[:, 1] / scale)
             return BranchPoint(y=y, null=null, residual=residual) if residual <= CROSSES else None
     return None

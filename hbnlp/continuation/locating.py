@@ -7,9 +7,16 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
+from hbnlp.continuation.branch_points import Arc
 from hbnlp.continuation.curve import Curve
 from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import Point, finish
+
+
+def between(curve: Curve, base: Point, end: Point, share: float, newton: Newton) -> Point | None:
+    """Return the point at a share of the arc from one point to another, or None where Newton's method fails."""
+    arc = Arc(base.y, end.y, (base.tangent, end.tangent), base.scale)
+    return finish(curve, arc.at(share), base.tangent / base.scale**2, base, newton)
 
 
 def locate(curve: Curve, base: Point, end: Point, test: Callable[[Point], float], newton: Newton) -> Point | None:

@@ -34,6 +34,8 @@ class Walk(Generic[C]):
         Asked at the end of each step for another curve to go on with, where this one does not serve there (with more
         samples of a force); the step is then made again on it, so that both its ends lie on one curve. None: go on. The
         curve carries points over (`Curve.carried_from`), so that it may have other unknowns: more harmonics.
+    inspect : callable (curve, before, after) -> length or None, optional
+        Asked after that for a shorter step to make instead, where this one hides something; None: it does not.
     origin : Point, optional
         Where the curve began, by default the start: coming back to it in the same direction ends the walk.
     n_points : int
@@ -55,11 +57,13 @@ class Walk(Generic[C]):
         *,
         limits: tuple[float, float] | None = None,
         renew: Callable[[C, Point], C | None] | None = None,
+        inspect: Callable[[C, Point, Point], float | None] | None = None,
         origin: Point | None = None,
         n_points: int = 1,
     ) -> None:
         self._stepper = Continuation(curve, start, options)
-        self._options, self._limits, self._renew = options, limits, renew
+        self._options, self._limits = options, limits
+        self._renew, self._inspect = renew, inspect
         self._origin = origin or start
         self.n_points = n_points
         self.stop: Stop | None = Stop.LIMIT if self.leaves(start) else None
@@ -116,6 +120,10 @@ class Walk(Generic[C]):
                     self._stepper.resume_on(other)
                 except StopContinuation as stop:
                     self.stop = stop.reason
+                continue
+            shorter = self._inspect(self.curve, before, after) if self._inspect is not None else None
+            if shorter is not None and shorter >= self._options.min_step:
+                self._stepper.retract(shorter)
                 continue
             again = self._closing(before, after)
             if again is not None:

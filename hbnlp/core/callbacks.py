@@ -60,6 +60,10 @@ class ProgressBar:
         self._options = {"total": 100, "bar_format": "{l_bar}{bar}| {elapsed}{postfix}", **options}
         self._bar: Any = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the bar on the screen behind: where it arrives, a new one begins."""
+        return {**self.__dict__, "_bar": None}
+
     def __call__(self, progress: Progress) -> None:
         """Show where the task is."""
         if self._bar is None:

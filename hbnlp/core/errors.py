@@ -6,7 +6,20 @@ from typing import Any
 
 
 class HbnlpError(Exception):
-    """Base class of the errors that hbnlp raises for reasons other than a wrong argument."""
+    """Base class of the errors that hbnlp raises for reasons other than a wrong argument.
+
+    They can be pickled with all that they carry, whatever their constructors ask for. Python drops the cause of an
+    error that is pickled: a note names it then.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Send the message, the attributes and the notes, and the cause as a note."""
+        state = self.__dict__.copy()
+        if self.__cause__ is not None:
+            cause = f"caused by {type(self.__cause__).__name__}: {self.__cause__}"
+            state["__notes__"] = [*state.get("__notes__", ()), cause]
+        # an OSError has arguments beside those in args
+        return restored, (type(self), super().__reduce__()[1], state)
 
 
 class ConvergenceError(HbnlpError):
@@ -29,8 +42,19 @@ class NonFiniteError(HbnlpError):
     """A user's force, forcing or output gave a value or derivative that is not finite."""
 
 
+class SamplingError(HbnlpError, ValueError):
+    """A force would take more samples a period than a smooth one needs, or a forcing or motion is not smooth enough."""
+
+
 class SaveError(HbnlpError, OSError):
     """A file could not be written; nothing in memory was lost and no older file was touched."""
+
+
+def restored(kind: type[HbnlpError], arguments: tuple[Any, ...], state: dict[str, Any]) -> HbnlpError:
+    """Return an error from another process without its constructor, whose arguments are not those of the message."""
+    error = kind.__new__(kind, *arguments)
+    error.__dict__.update(state)
+    return error
 
 
 class OutsideBandWarning(UserWarning):

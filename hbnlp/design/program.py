@@ -17,12 +17,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import real_number, unknown_name
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.kept import by_one_thread
+from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.responses import Response
 from hbnlp.design.variables import Variables
-from hbnlp.solutions.ipopt import Ipopt
+from hbnlp.solutions.ipopt import Ipopt, run
 from hbnlp.solutions.solution import Solution, make_solution
 
 
@@ -48,7 +50,7 @@ class Optimum:
 
 
 @final
-class Program:
+class Program(StaysHere):
     """A nonlinear program over responses, compiled once.
 
     Parameters
@@ -68,6 +70,9 @@ class Program:
         building it takes seconds for ten responses of a hundred unknowns, and memory.
     """
 
+    _instead = "its symbols are those of its variables and responses; send problems and solutions, and make it there"
+
+    @by_one_thread
     def __init__(
         self,
         variables: Variables,
@@ -120,7 +125,7 @@ class Program:
         else:
             for name in {*over.names} ^ {*start}:
                 raise KeyError(unknown_name("variable", name, over.names) if name in start else f"start lacks {name!r}")
-            first = np.array([start[name] for name in over.names]) / over.scale
+            first = np.array([real_number(name, start[name]) for name in over.names]) / over.scale
             x0 = np.concatenate([first, *(r.start for r in self.responses)])
         for what, array, size in (("start", x0, self._states.size1_in(0)), ("data", given, self._states.size1_in(1))):
             if array.shape != (size,):
@@ -128,11 +133,11 @@ class Program:
         box = np.tile([-np.inf, np.inf], (x0.size, 1))
         box[: len(over.names)] = over.limits / over.scale[:, None]
         (lbx, ubx), (lbg, ubg) = box.T, self._limits.T
-        answer = self._solver(x0=x0, p=given, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+        answer, stats = run(self._solver, x0=x0, p=given, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
         y, g, lam_g = (answer[key].full().ravel() for key in ("x", "g", "lam_g"))
         states = [e.full().ravel() for e in self._states.call([y, given])]
         points = list(zip((r.problem for r in self.responses), states[::2], states[1::2], strict=True))
-        stats, message = self._solver.stats(), "converged"
+        message = "converged"
         if not stats["success"]:
             reached = np.maximum(lbg - g, g - ubg) > -1e-6
             met = " and ".join(repr(name) for name, rows in self._rows.items() if reached[rows].any())

@@ -16,8 +16,10 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import renamed_name
+from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.variables import Variables
 from hbnlp.solutions.solution import Solution
@@ -25,12 +27,14 @@ from hbnlp.solutions.solution import Solution
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Response:
+class Response(StaysHere):
     """A periodic solution or a fold as part of a program, made by `response_at` or `fold_at`.
 
     Call it with an expression of ``problem.x`` and ``problem.p`` for that expression here, such as
     ``cruise(problem.amplitude_squared("C_L"))``.
     """
+
+    _instead = "its symbols are those of its variables; send the problem and the solution or fold, and make it there"
 
     problem: HarmonicBalance
     x: ca.MX
@@ -39,6 +43,7 @@ class Response:
     equations: ca.MX = field(repr=False)
     start: Array = field(repr=False)
 
+    @by_one_thread
     def __call__(self, expression: ca.MX) -> ca.MX:
         """Return an expression of the problem's symbols at this response."""
         return ca.Function("here", [self.problem.x, self.problem.p], [expression])(self.x, self.p)
@@ -51,6 +56,7 @@ class Response:
         raise renamed_name("Response", name, {"parameter": "response.symbol(name)"})
 
 
+@by_one_thread
 def response_at(
     problem: HarmonicBalance, variables: Variables, start: Solution, *, at: Mapping[str, float] | None = None
 ) -> Response:
@@ -82,6 +88,7 @@ def response_at(
     return Response(problem=problem, x=x, p=p, unknowns=xi, equations=problem.residual(x, p) / terms, start=x0 / size)
 
 
+@by_one_thread
 def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, name: str) -> Response:
     """Return a fold in the parameter ``name``, which is free; it begins at ``fold``, one of ``branch.folds``.
 

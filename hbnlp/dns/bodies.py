@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -77,10 +78,11 @@ class SharpPlate:
     def oscillating(cls, omega: float, amplitudes: Array) -> SharpPlate:
         """Deflection W_k = amplitudes[k] sin(omega t)."""
         amplitudes = np.asarray(amplitudes, dtype=float)
-        return cls(
-            deflection=lambda t: (amplitudes * math.sin(omega * t), amplitudes * omega * math.cos(omega * t)),
-            n_modes=amplitudes.size,
-        )
+        return cls(deflection=partial(_sine, omega, amplitudes), n_modes=amplitudes.size)
+
+
+def _sine(omega: float, amplitudes: Array, time: float) -> tuple[Array, Array]:
+    return amplitudes * math.sin(omega * time), amplitudes * omega * math.cos(omega * time)
 
 
 Body = Points | MovingPoints | SharpPlate

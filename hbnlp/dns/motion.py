@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,15 @@ Triple = tuple[float, float, float]
 def _rest(time: float) -> Triple:
     del time
     return 0.0, 0.0, 0.0
+
+
+def _held(value: float, _time: float) -> Triple:
+    return value, 0.0, 0.0
+
+
+def _sine(omega: float, amplitude: float, mean: float, time: float) -> Triple:
+    s, c = math.sin(omega * time), math.cos(omega * time)
+    return mean + amplitude * s, amplitude * omega * c, -amplitude * omega**2 * s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +56,7 @@ class Motion:
     def at_incidence(cls, degrees: float) -> Motion:
         """Frame at rest at a fixed incidence."""
         angle = math.radians(degrees)
-        return cls(pitch=lambda _: (angle, 0.0, 0.0))
+        return cls(pitch=partial(_held, angle))
 
     @classmethod
     def sinusoidal(
@@ -55,14 +65,9 @@ class Motion:
         """Pitch mean_pitch + pitch sin(omega t) about x = axis, with heave sin(omega t) besides; radians and chords."""
         if not omega > 0.0:
             raise ValueError(f"omega is {omega}; it must be positive (Motion.at_incidence holds a fixed incidence)")
-
-        def sine(amplitude: float, mean: float, time: float) -> Triple:
-            s, c = math.sin(omega * time), math.cos(omega * time)
-            return mean + amplitude * s, amplitude * omega * c, -amplitude * omega**2 * s
-
         return cls(
-            pitch=lambda time: sine(pitch, mean_pitch, time),
-            heave=lambda time: sine(heave + axis * pitch, axis * mean_pitch, time),
+            pitch=partial(_sine, omega, pitch, mean_pitch),
+            heave=partial(_sine, omega, heave + axis * pitch, axis * mean_pitch),
         )
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.kept import by_one_thread
+from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.program import Optimum, Program
 from hbnlp.design.responses import response_at
@@ -67,7 +69,7 @@ class Identified:
 
 
 @final
-class Identification:
+class Identification(StaysHere):
     """Least squares over responses, compiled once: the variables whose amplitudes of an output fit measured ones best.
 
     The responses are unknowns beside the variables and need not solve the equations on the way. Still the fit is local:
@@ -84,6 +86,9 @@ class Identification:
         Whose amplitude was measured.
     """
 
+    _instead = "its symbols are those of its program; send problem, points and what fit returned, and make it there"
+
+    @by_one_thread
     def __init__(
         self,
         variables: Variables,

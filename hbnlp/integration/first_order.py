@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol, final, runtime_checkable
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.kept import Kept
+from hbnlp.core.kept import Kept, by_one_thread
 from hbnlp.core.types import Array
 from hbnlp.systems.system import System
 
@@ -65,6 +65,7 @@ class FirstOrderForm:
         (y, tau, packed) -> the derivative of the rate by y.
     """
 
+    @by_one_thread
     def __init__(self, system: System) -> None:
         self.system = system
         n, size, n_p = system.n_dof, system.n_state, len(system.parameters.names)
@@ -87,9 +88,6 @@ class FirstOrderForm:
 
     def pack(self, values: Array) -> Array:
         """Return parameter values, ``M^-1 [-K, -D, L_x]`` and ``M^-1`` as one vector (n_packed,)."""
-        omega = values[self.system.parameters.index("omega")]
-        if omega <= 0.0:
-            raise ValueError(f"omega = {omega:g}; time integration needs a period, so omega > 0")
         mass, damping, stiffness, lag_output = self.system.state_matrices(values)
         inverse = np.linalg.inv(mass)
         gain = inverse @ np.hstack([-stiffness, -damping, lag_output])

@@ -12,22 +12,26 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.types import Array
+from hbnlp.systems.symmetry import PERIOD
 
 
 def deflated_newton(
     problem: HarmonicBalance, values: Array, start: Array, known: list[Array], max_iterations: int
 ) -> Array | None:
-    """Return an approximate solution away from the known ones, or None.
+    """Return an approximate solution away from the known ones, and from them with angles turned by 2 pi, or None.
 
     The residual is multiplied by ``prod (1 + size^2 / |x - x_i|^2)``; by the Sherman-Morrison formula its Newton step
     is the plain one times a number.
     """
     x = start.copy()
+    means = problem.shape[1] * np.array(problem.system.angles, dtype=int)
     previous = np.inf
     for _ in range(max_iterations):
-        residual = problem.assembly.residual(x, values)
-        jacobian = problem.assembly.jacobian(x, values)
-        if not (np.isfinite(residual.sum()) and np.isfinite(jacobian.sum())):
+        with np.errstate(all="ignore"):  # what is not finite ends the run
+            residual = problem.assembly.residual(x, values)
+            jacobian = problem.assembly.jacobian(x, values)
+            finite = np.isfinite(residual.sum()) and np.isfinite(jacobian.sum())
+        if not finite:
             return None
         try:
             step = -np.linalg.solve(jacobian, residual)
@@ -37,6 +41,7 @@ def deflated_newton(
         slope = 0.0
         for other in known:
             away = x - other
+            away[means] -= PERIOD * np.round(away[means] / PERIOD)
             distance = float(away @ away) or TINY
             scale = float(other @ other) or 1.0
             slope += -2.0 * scale / (distance * (distance + scale)) * float(away @ step)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.curve import TINY, relative_residual
+from hbnlp.core.kept import by_one_thread
+from hbnlp.core.locks import lasting_lock
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import along_load
 
@@ -66,6 +69,7 @@ class FreeParameters:
         Those of the balance, then the free parameters.
     """
 
+    @by_one_thread
     def __init__(self, problem: HarmonicBalance, names: Sequence[str]) -> None:
         self._problem = problem
         free = ca.MX.sym("free", len(names))
@@ -75,9 +79,20 @@ class FreeParameters:
         self._p = ca.vertcat(*symbols)
         self.unknowns = ca.vertcat(problem.x, free)
 
+    @by_one_thread
     def __call__(self, expression: ca.MX) -> ca.MX:
         """Return an expression of ``problem.x`` and ``problem.p`` as one of `unknowns` and ``problem.p``."""
         return ca.substitute(expression, self._problem.p, self._p)
+
+
+# MUMPS, which factorises for IPOPT, has memory that all its callers share: two threads in it end the process
+_ALONE = lasting_lock()
+
+
+def run(solver: ca.Function, **arguments: Any) -> tuple[dict[str, ca.DM], dict[str, Any]]:
+    """Return the answer of an IPOPT solver and its statistics; of several threads, one at a time is in IPOPT."""
+    with _ALONE:
+        return solver(**arguments), solver.stats()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,20 +156,16 @@ def minimise(
         "x": substituted.unknowns,
         "p": problem.p,
         "f": substituted(ca.MX(objective)),
-        "g": substituted(problem.g) / (terms if np.isfinite(terms) else 1.0),
+        "g": substituted(problem.g / (terms if np.isfinite(terms) else 1.0)),
     }
     low, high = np.array(bounds if bounds is not None else [(-np.inf, np.inf)] * len(free)).reshape(-1, 2).T
     unbounded = np.full(problem.size, np.inf)
-    solver = ca.nlpsol("solver", "ipopt", program, method.options())
-    answer = solver(
-        x0=np.append(x, values[places]),
-        p=values,
-        lbx=np.append(-unbounded, low),
-        ubx=np.append(unbounded, high),
-        lbg=0.0,
-        ubg=0.0,
+    solver = by_one_thread(ca.nlpsol)("solver", "ipopt", program, method.options())
+    box = np.append(-unbounded, low), np.append(unbounded, high)
+    answer, statistics = run(
+        solver, x0=np.append(x, values[places]), p=values, lbx=box[0], ubx=box[1], lbg=0.0, ubg=0.0
     )
-    found, statistics = answer["x"].full().ravel(), solver.stats()
+    found = answer["x"].full().ravel()
     there = values.copy()
     there[places] = found[problem.size :]
     curve = along_load(problem, there)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.kept import by_one_thread
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,7 @@ class Rootfinder:
         if self.max_iterations < 1:
             raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
 
+    @by_one_thread
     def solver(self, problem: HarmonicBalance) -> ca.Function:
         """Return the compiled rootfinder (x, p) -> x."""
         options: dict[str, object] = {"error_on_fail": False, "show_eval_warnings": False, "abstol": self.tol}

@@ -10,21 +10,25 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.arclength import PseudoArclength
-from hbnlp.continuation.curve import TINY
 from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, NonFiniteError
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
-from hbnlp.solutions.cold_start import linear_guess
+from hbnlp.solutions.cold_start import linear_guess, linear_size
 from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.equations import along_load
+from hbnlp.solutions.identity import meets, moved, without_turns
 from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.solutions.solving import solve
+from hbnlp.systems.symmetry import Symmetry
+
+REST = 1e-6
+"""Solutions are told apart relative to their size, or to this part of the largest: Newton's method ends near rest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +43,7 @@ class Search:
     amplitudes : (float, float)
         Range of that amplitude, drawn log-uniformly, relative to the solution that a cold start finds.
     n_deflated : int
-        Deflated Newton runs from the neighbourhood of each solution found.
+        Deflated Newton runs from the neighbourhood of each solution found, in each of its forcing periods.
     largest_load : float
         From each solution the load is varied, through folds, between 0 and this multiple of its value; where the curve
         comes back to the load itself is another solution. 0: off.
@@ -85,8 +89,11 @@ def find_all(
 
     Newton's method, deflated by the solutions known so far, is run from random starts and from near each of them:
     deflation turns known solutions into poles, so that the same start leads elsewhere. From each solution the load is
-    varied by continuation, and every further crossing of its value is a solution, too. A search can miss solutions;
-    more starts miss fewer.
+    varied by continuation, and every further crossing of its value is a solution, too. What is found brings its images
+    under the symmetries of the system. A search can miss solutions; more starts miss fewer.
+
+    Solutions are told apart as motions, by `same_motion`: shifts by whole forcing periods and turns of angles by 2 pi
+    count once, the means of angles lying in (-pi, pi].
 
     Parameters
     ----------
@@ -113,7 +120,7 @@ def find_all(
     TypeError
         For a problem, method, generator or callbacks of another kind.
     NonFiniteError
-        If the force or its derivative is not finite at rest.
+        If the force or its derivative is not finite at rest, and nothing is found.
 
     References
     ----------
@@ -125,53 +132,115 @@ def find_all(
     list_of_callables("callbacks", callbacks)
     options, rng = method or Search(), rng or np.random.default_rng(0)
     values = problem.values(at)
-    found: list[Solution] = []
+    motions = _Motions(problem, values, options)
 
     def result(_ending: Ending) -> list[Solution]:
-        return sorted(found, key=lambda s: float(np.linalg.norm(s.coefficients)))
+        return sorted(motions.found, key=lambda s: float(np.linalg.norm(s.coefficients)))
 
-    work = _attempts(problem, values, at, found, known, options, rng)
-    return drive("searching", work, result, name="start", callbacks=callbacks)
+    work = _attempts(problem, values, at, motions, known, options, rng)
+    solutions = drive("searching", work, result, name="start", callbacks=callbacks)
+    if not solutions:
+        linear_guess(problem, values)  # where the force is singular at rest, that is said
+    return solutions
 
 
 def _attempts(
     problem: HarmonicBalance,
     values: Array,
     at: Mapping[str, float] | None,
-    found: list[Solution],
+    motions: _Motions,
     known: Sequence[Solution],
     options: Search,
     rng: np.random.Generator,
 ) -> Iterator[Report]:
     """Add to what is found: around the known solutions and a cold start, then from one random start after another."""
     for solution in known:
-        _add(found, attempt(problem, values, guess_for(problem, solution), options.newton, start="known"), options)
-    with contextlib.suppress(ConvergenceError):
-        _add(found, solve(problem, at=at), options)
-    largest = max((float(np.linalg.norm(s.coefficients)) for s in found), default=0.0)
-    reference = max(largest, float(np.linalg.norm(linear_guess(problem, values)))) or 1.0
+        motions.polish(guess_for(problem, solution), "known")
+    with contextlib.suppress(ConvergenceError, NonFiniteError):
+        motions.add(solve(problem, at=at))
+    reference = motions.largest
     visited = 0
     for start in range(options.n_starts + 1):
         if start > 0:
-            _run(problem, values, _random(problem, reference, options, rng), found, options, "random start")
-        while visited < len(found):
-            vector = problem.vector(found[visited].coefficients)
+            _run(problem, values, _random(problem, reference, options, rng), motions, options, "random start")
+        while visited < len(motions.found):
+            vector = problem.vector(motions.found[visited].coefficients)
+            if not motions.is_image[visited]:
+                for crossing in _crossings_of_load(problem, values, vector, options):
+                    motions.polish(crossing, "varied load")
             visited += 1
-            for crossing in _crossings_of_load(problem, values, vector, options):
-                _add(found, attempt(problem, values, crossing, options.newton, start="varied load"), options)
-            for _ in range(options.n_deflated):
+            for _ in range(options.n_deflated * problem.periods):
                 nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
                 near = vector + nudge / np.sqrt(vector.size)
-                _run(problem, values, near, found, options, "deflation")
-        yield Report(start, start / max(options.n_starts, 1), {"solutions": len(found)})
+                _run(problem, values, near, motions, options, "deflation")
+        yield Report(start, start / max(options.n_starts, 1), {"solutions": len(motions.found)})
 
 
-def _run(
-    problem: HarmonicBalance, values: Array, start: Array, found: list[Solution], options: Search, how: str
-) -> None:
-    guess = deflated_newton(problem, values, start, [s.coefficients.ravel() for s in found], options.max_iterations)
+class _Motions:
+    """The motions found so far, each followed by its images, which need not be searched for.
+
+    Attributes
+    ----------
+    found : list of Solution
+    is_image : list of bool
+        Whether each of them was made instead of found: whatever is traced from it is an image, too.
+    """
+
+    def __init__(self, problem: HarmonicBalance, values: Array, options: Search) -> None:
+        self.found: list[Solution] = []
+        self.is_image: list[bool] = []
+        self._problem, self._values, self._options = problem, values, options
+        self._identity = Symmetry.identity(problem.system.n_dof)
+        self._symmetries = problem.system.symmetries_at(values)
+        self._least = linear_size(problem, values)
+
+    @property
+    def largest(self) -> float:
+        """Size of the largest solution, or of the linear response; 1 where all is at rest."""
+        return max([self._least, *(float(np.linalg.norm(s.coefficients)) for s in self.found)]) or 1.0
+
+    def polish(self, guess: Array, start: str) -> None:
+        """Add what Newton's method makes of a guess; ``start`` says where it is from."""
+        self.add(attempt(self._problem, self._values, guess, self._options.newton, start=start))
+
+    def add(self, solution: Solution) -> None:
+        """Add a motion and its images, unless it did not converge or is known."""
+        if not solution.converged or self._is_known(solution):
+            return
+        self._keep(solution, is_image=False)
+        for image in (solution.image(symmetry) for symmetry in self._symmetries):
+            if not self._is_known(image):
+                self._keep(image, is_image=True)
+
+    def _keep(self, solution: Solution, *, is_image: bool) -> None:
+        angles = self._problem.system.angles
+        if angles:
+            solution = solution.with_coefficients(without_turns(solution.coefficients, angles))
+        self.found.append(solution)
+        self.is_image.append(is_image)
+
+    def poles(self) -> list[Array]:
+        """Return the vectors from which deflation leads away: all motions, as they look from any forcing period."""
+        poles = []
+        for solution in self.found:
+            seen: list[Array] = []
+            for k in range(self._problem.periods):
+                x = moved(solution.coefficients, self._identity, solution.periods, later=k).ravel()
+                # a motion of fewer periods is there once: two poles in one place would push twice as far
+                if all(np.linalg.norm(x - other) > self._options.separation * np.linalg.norm(x) for other in seen):
+                    seen.append(x)
+            poles += seen
+        return poles
+
+    def _is_known(self, solution: Solution) -> bool:
+        floor, tol = REST * self.largest, self._options.separation
+        return any(meets(solution, other, self._identity, tol, floor=floor) for other in self.found)
+
+
+def _run(problem: HarmonicBalance, values: Array, start: Array, motions: _Motions, options: Search, how: str) -> None:
+    guess = deflated_newton(problem, values, start, motions.poles(), options.max_iterations)
     if guess is not None:
-        _add(found, attempt(problem, values, guess, options.newton, start=how), options)
+        motions.polish(guess, how)
 
 
 def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, options: Search) -> list[Array]:
@@ -191,19 +260,11 @@ def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, option
     return crossings
 
 
-def _add(found: list[Solution], solution: Solution, options: Search) -> None:
-    if not solution.converged:
-        return
-    x = solution.coefficients
-    for other in found:
-        size = max(float(np.linalg.norm(x)), float(np.linalg.norm(other.coefficients)), TINY)
-        if np.linalg.norm(x - other.coefficients) <= options.separation * size:
-            return
-    found.append(solution)
-
-
 def _random(problem: HarmonicBalance, reference: float, options: Search, rng: np.random.Generator) -> Array:
     low, high = np.log(options.amplitudes)
     amplitude = reference * np.exp(rng.uniform(low, high)) / np.sqrt(2.0 * problem.shape[0])
     harmonic = np.maximum((np.arange(problem.shape[1]) + 1) // 2, 1)
-    return np.asarray((amplitude / harmonic**2 * rng.standard_normal(problem.shape)).ravel())
+    start = amplitude / harmonic**2 * rng.standard_normal(problem.shape)
+    angles = list(problem.system.angles)
+    start[angles, 0] = rng.uniform(-np.pi, np.pi, len(angles))
+    return np.asarray(start.ravel())

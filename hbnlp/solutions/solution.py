@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import casadi as ca
@@ -13,9 +13,12 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import position
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
+from hbnlp.solutions.identity import meets, moved
+from hbnlp.systems.symmetry import Symmetry, inherent
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,6 +93,50 @@ class Solution:
         rate = self.omega / self.periods
         return rate * self.coefficients @ basis_derivatives(rate * np.asarray(t, dtype=float), self.n_harmonics).T
 
+    @property
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Those of the system, at these parameters, that take the motion to itself; all but the identity.
+
+        Raises
+        ------
+        ValueError
+            If the solution came from a file, without its problem.
+        """
+        known = attached(self).system.symmetries_at(self.parameters)
+        return tuple(symmetry for symmetry in known if meets(self, self, symmetry))
+
+    @property
+    def is_odd(self) -> bool | None:
+        """Whether half a forcing period changes the sign, as the equations allow: the motion has odd harmonics only.
+
+        None for a solution from a file: without the equations it may be so by chance.
+        """
+        return None if self.problem is None else inherent(self.coefficients.shape[0])[0] in self.symmetries
+
+    def image(self, symmetry: Symmetry) -> Solution:
+        """Return the motion to which a symmetry of the system takes this one: another solution, or the same.
+
+        Parameters
+        ----------
+        symmetry : Symmetry
+            One of ``problem.system.symmetries_at(parameters)``, or any other that the equations have there.
+
+        Raises
+        ------
+        ValueError
+            If the equations do not have it at these parameters, or the solution came from a file.
+        """
+        attached(self).system.invariance.check(symmetry, self.parameters)
+        image = self.with_coefficients(moved(self.coefficients, symmetry, self.periods))
+        origin = self.origin.image(symmetry) if self.origin is not None else None
+        return replace(image, statistics={**self.statistics, "start": f"image by {symmetry.name}"}, origin=origin)
+
+    def with_coefficients(self, coefficients: Array) -> Solution:
+        """Return the same record with other coefficients of this motion, and the outputs that go with them."""
+        problem = attached(self)
+        amplitudes = problem.output_harmonics(coefficients.ravel(), problem.values(self.parameters))[0]
+        return replace(self, coefficients=coefficients, amplitudes=amplitudes)
+
     def __call__(self, expression: ca.MX) -> Array:
         """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``.
 
@@ -99,7 +146,7 @@ class Solution:
             If the solution came from a file, without its problem.
         """
         problem = attached(self)
-        function = ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
+        function = _function(problem, expression)
         return np.asarray(function(self.coefficients.ravel(), problem.values(self.parameters)).full().squeeze())
 
     def _at(self, t: ArrayLike) -> Array:
@@ -119,6 +166,11 @@ class Solution:
             f"{f' / {self.periods}' if self.periods > 1 else ''}\n  at {values}\n  first harmonics: {first}\n  "
             f"{statistics}"
         )
+
+
+@by_one_thread
+def _function(problem: HarmonicBalance, expression: ca.MX) -> ca.Function:
+    return ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
 
 
 class Attachable(Protocol):

@@ -17,7 +17,7 @@ import numpy as np
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept
 from hbnlp.core.native import PerThread, bound
-from hbnlp.core.types import Array
+from hbnlp.core.types import Array, IntArray
 from hbnlp.fourier import basis_derivatives, basis_values, to_real
 from hbnlp.stability.collocation import Gauss
 from hbnlp.systems.plant import Plant, check_mass
@@ -186,7 +186,7 @@ def _phases(intervals: int, nodes: int, first: int, last: int) -> Array:
     return 2.0 * np.pi / intervals * np.add.outer(np.arange(first, last), Gauss.of(nodes).c).ravel()
 
 
-def _filled(places: Array, part: Array, n: int) -> Array:
+def _filled(places: IntArray, part: Array, n: int) -> Array:
     matrices = np.zeros((len(part), n * n))
     matrices[:, places] = part
     return matrices.reshape(-1, n, n)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array, BoolArray, IntArray
 
 
@@ -27,37 +26,37 @@ class CompiledForce:
         self._q, self._v, self._p = q, v, p
         self._arguments = [q, v, tau, p]
 
-    @cached_property
+    @built_once
     def value(self) -> ca.Function:
         """CasADi function (q, q', tau, p) -> f."""
         return ca.Function("force", self._arguments, [self._force])
 
-    @cached_property
+    @built_once
     def derivatives(self) -> ca.Function:
         """CasADi function (q, q', tau, p) -> the entries of f_q and f_v."""
         return ca.Function("force_derivatives", self._arguments, [self._entries])
 
-    @cached_property
+    @built_once
     def along(self) -> ca.Function:
         """CasADi function (q, q', tau, p, dq, dq', dp) -> the derivative of f along (dq, dq', dp)."""
         return self._along("force_along", self._force)
 
-    @cached_property
+    @built_once
     def derivatives_along(self) -> ca.Function:
         """CasADi function (q, q', tau, p, dq, dq', dp) -> the derivative of the entries of f_q and f_v."""
         return self._along("force_derivatives_along", self._entries)
 
-    @cached_property
+    @built_once
     def places_q(self) -> tuple[IntArray, IntArray]:
         """Rows and columns of the entries of f_q, column by column."""
         return _places(self._tangents[0])
 
-    @cached_property
+    @built_once
     def places_v(self) -> tuple[IntArray, IntArray]:
         """Rows and columns of the entries of f_v, column by column."""
         return _places(self._tangents[1])
 
-    @cached_property
+    @built_once
     def depends_on(self) -> BoolArray:
         """Whether f itself depends on each of the parameters (through q' it depends on omega besides)."""
         return np.array([ca.depends_on(self._force, self._p[i]) for i in range(self._p.numel())], dtype=bool)
@@ -70,11 +69,11 @@ class CompiledForce:
         by_q[self.places_q], by_v[self.places_v] = entries[:split], entries[split:]
         return by_q, by_v
 
-    @cached_property
+    @built_once
     def _tangents(self) -> tuple[ca.SX, ca.SX]:
         return ca.jacobian(self._force, self._q), ca.jacobian(self._force, self._v)
 
-    @cached_property
+    @built_once
     def _entries(self) -> ca.SX:
         nonzeros = [entry for matrix in self._tangents for entry in matrix.nonzeros()]
         return ca.cse(ca.vertcat(*nonzeros)) if nonzeros else ca.SX(0, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.types import Array
+from hbnlp.systems.parameters import Namespace
 
 IRRATIONAL = float(np.sqrt(np.pi))
 """What omega is while periodicity is tested: with a whole number in front of tau, anything would be periodic."""
@@ -31,6 +32,27 @@ def displacements(n: int) -> dict[str, Output]:
         return lambda s: s.q[i]
 
     return {"x" if n == 1 else f"x{i + 1}": reader(i) for i in range(n)}
+
+
+def motion_derivatives(motion: ca.SX, tau: ca.SX, omega: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the derivatives u' and u'' of a motion u(tau) by time."""
+    first = ca.jacobian(motion, tau)
+    return omega * first, omega**2 * ca.jacobian(first, tau)
+
+
+def compiled_outputs(
+    rules: Mapping[str, Output], symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX], motion: ca.SX, n_lags: int, named: Any
+) -> ca.Function:
+    """Return a user's outputs as one CasADi function (q, q', q'', x, tau, p) -> their values."""
+    q, v, tau, p = symbols
+    a, x = ca.SX.sym("a", q.numel()), ca.SX.sym("x", n_lags)
+    du, ddu = motion_derivatives(motion, tau, named.omega)
+    signals = {"q": q, "v": v, "a": a, "x": x, "u": motion, "du": du, "ddu": ddu, "tau": tau, "p": named}
+    seen, arguments, rows = Namespace("signal", signals), [q, v, a, x, tau, p], []
+    for name, rule in rules.items():
+        rows.append(column(f"output {name!r}", rule(seen), 1))
+        check_symbols(f"output {name!r}", rows[-1], arguments)
+    return ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)])
 
 
 def matrix(what: str, given: Matrix | None, p: ca.SX, named: Any, shape: tuple[int, int] | None = None) -> ca.SX:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
 from hbnlp.systems.signals import excitation_signals
@@ -94,6 +95,7 @@ def lag_states_of_motion(system: System, values: Array) -> Array:
     return np.asarray(system.lag_motion @ rate + system.lag_state @ (system.lag_motion @ now) + memory)
 
 
+@by_one_thread
 def _motion_at(system: System) -> ca.Function:
     """Return the function (tau, p) -> u, u'."""
     signals = [ca.densify(each) for each in (system.motion, system.motion_derivatives[0])]

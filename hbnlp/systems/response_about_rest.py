@@ -8,10 +8,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.core.kept import by_one_thread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
+from hbnlp.systems.parameters import OMEGA
 from hbnlp.systems.signals import PeriodicSignals, excitation_signals
-from hbnlp.systems.system import System
+from hbnlp.systems.system import System, depends_on_omega
 
 
 def linear_response(
@@ -30,7 +32,7 @@ def linear_response(
     output : str
         Name of an output; a nonlinear one is linearised about rest.
     omega : array_like, any shape (...)
-        Angular frequencies.
+        Angular frequencies, positive.
     at : mapping of parameter names to values, optional
         Overrides of the defaults.
     held : bool
@@ -43,15 +45,14 @@ def linear_response(
         Amplitudes a_1 - i a_2 of ``a_1 cos(tau) + a_2 sin(tau)``.
     """
     index = system.output_index(output)
-    frequencies = np.asarray(omega, dtype=float)
-    slot = system.parameters.index("omega")
-    base = system.parameters.values(at, but=("omega",))
+    given = np.asarray(omega, dtype=object)
+    frequencies = system.parameters.series(OMEGA, given.ravel(), what=OMEGA).reshape(given.shape)
+    slot = system.parameters.index(OMEGA)
+    base = system.parameters.values(at, but=(OMEGA,))
     forcing, motion = excitation_signals(system)
     at_rest, slopes = _output_at_rest(system, index), _output_slopes(system, index)
     n, m = system.n_dof, system.n_lags
-    laws = [system.mass, system.damping, system.stiffness, system.lag_output, system.force]
-    varies = any(ca.depends_on(law, system.p[slot]) for law in laws)
-    matrix = system.linearisation(system.parameters.as_dict(np.nan_to_num(base)))
+    matrix, varies = None, depends_on_omega(system)
     amplitudes = np.empty(frequencies.shape, dtype=complex)
     for position in np.ndindex(frequencies.shape):
         values = base.copy()
@@ -69,7 +70,7 @@ def linear_response(
         else:
             acceleration = np.linalg.solve(system.state_matrices(values)[0], load)
             drive = np.concatenate([np.zeros(n), acceleration, system.lag_input @ acceleration + lag_load])
-            if varies:
+            if matrix is None or varies:
                 matrix = system.linearisation(system.parameters.as_dict(values))
             state = np.linalg.solve(s * np.eye(2 * n + m) - matrix, drive)
         q, v, x = state[:n], state[n : 2 * n], state[2 * n :]
@@ -83,6 +84,7 @@ def _first(signals: PeriodicSignals, values: Array) -> ComplexArray:
     return to_complex(signals.coefficients(values, 1))[:, 1]
 
 
+@by_one_thread
 def _output_at_rest(system: System, index: int) -> PeriodicSignals:
     """Return an output as a signal while nothing moves but what is prescribed."""
     still = [ca.SX.zeros(size) for size in (system.n_dof, system.n_dof, system.n_dof, system.n_lags)]
@@ -91,6 +93,7 @@ def _output_at_rest(system: System, index: int) -> PeriodicSignals:
     return PeriodicSignals(name, value, system.tau, system.p, system.parameters)
 
 
+@by_one_thread
 def _output_slopes(system: System, index: int) -> ca.Function:
     """Return the function p -> derivatives (1, 3 n + m) of an output by q, q', q'' and x, at rest and tau = 0."""
     n, m = system.n_dof, system.n_lags

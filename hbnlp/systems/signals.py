@@ -8,11 +8,12 @@ steep; what they are wrong by is known, and an error where it is more than the t
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.errors import SamplingError
+from hbnlp.core.kept import built_once, by_one_thread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import FourierBasis, basis_derivatives, n_coefficients
 from hbnlp.systems.chunks import in_chunks, of_columns
@@ -61,7 +62,9 @@ class PeriodicSignals:
         Raises
         ------
         ValueError
-            If the signals are not smooth enough between their switches.
+            If the signals are not periodic there (a parameter multiplies tau).
+        SamplingError
+            If they are not smooth enough between their switches.
         """
         if self.highest is not None:
             basis = self._equidistant(n_harmonics)
@@ -152,7 +155,7 @@ class PeriodicSignals:
 
     def _check_error(self, error: float) -> None:
         if error > ALIASING_TOL:
-            raise ValueError(
+            raise SamplingError(
                 f"the harmonics of {self._what} are known to {error:.1e} only, {ALIASING_TOL:.0e} is needed: it is "
                 "singular, or so steep that its own values are rounded; smooth it"
             )
@@ -170,15 +173,15 @@ class PeriodicSignals:
                 "be a whole number"
             )
 
-    @cached_property
+    @built_once
     def _switch_points(self) -> SwitchPoints:
         return SwitchPoints(self._what, self._expression, self._tau, self._p)
 
-    @cached_property
+    @built_once
     def _in_chunk(self) -> ca.Function:
         return of_columns(self._value, [1])
 
-    @cached_property
+    @built_once
     def _along(self) -> ca.Function:
         """(tau, dtau, p, dp) -> the derivative of the signals along (dtau, dp), a chunk at once."""
         ahead, direction = ca.SX.sym("ahead"), ca.SX.sym("direction", self._p.numel())
@@ -187,6 +190,7 @@ class PeriodicSignals:
         return of_columns(function, [2, 3])
 
 
+@by_one_thread
 def excitation_signals(system: System) -> tuple[PeriodicSignals, PeriodicSignals]:
     """Return the forcing and the prescribed motion of a system with their harmonics."""
     of = (system.tau, system.p, system.parameters)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array
 from hbnlp.systems.chunks import in_chunks, of_columns
 from hbnlp.systems.quadrature import Breaks, Rule, find_breaks
@@ -62,15 +61,15 @@ class SwitchPoints:
             return find_breaks(lambda theta: np.zeros((0, theta.size)))
         return find_breaks(lambda theta: in_chunks(self._quantities, theta[None, :], values))
 
-    @cached_property
+    @built_once
     def _fixed(self) -> Breaks:
         return self._found(np.zeros(self._p.numel()))
 
-    @cached_property
+    @built_once
     def _quantities(self) -> ca.Function:
         return of_columns(ca.Function("switches", [self._tau, self._p], [self._switches]), [1])
 
-    @cached_property
+    @built_once
     def _slopes(self) -> ca.Function:
         slopes = [ca.densify(ca.jacobian(self._switches, each)) for each in (self._tau, self._p)]
         return ca.Function("switch_slopes", [self._tau, self._p], slopes)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,8 +12,11 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import unknown_name
 from hbnlp.core.errors import NonFiniteError
+from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.types import Array
 from hbnlp.systems.compiled_force import CompiledForce
+from hbnlp.systems.definition import Definition
+from hbnlp.systems.equivariance import Equivariance
 from hbnlp.systems.expressions import (
     Force,
     Matrix,
@@ -22,12 +26,16 @@ from hbnlp.systems.expressions import (
     check_periodicity,
     check_symbols,
     column,
+    compiled_outputs,
     displacements,
     matrix,
+    motion_derivatives,
     numbers,
 )
-from hbnlp.systems.parameters import Namespace, ParameterSet
+from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmetries, names_of_displacements
+from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
+from hbnlp.systems.symmetry import Symmetry
 
 
 class System:
@@ -59,13 +67,34 @@ class System:
         K_u, D_u, M_u.
     lag_motion : array (m, n_u), optional
         B_u.
+    symmetries : sequence of Symmetry, optional
+        What the equations are invariant under: permutations of equal parts, reflections, with shifts of the phase. They
+        are checked, at the default parameters (at 1 where there is none), and used wherever they hold. The change of
+        sign, half a forcing period and both together are found without being named.
+    angles : sequence of str or int, optional
+        Displacements that count modulo 2 pi, by name or number from 0. Where angles only turn together, as those of
+        pendulums on a common spring, take their differences as coordinates.
     name : str
         Used in the repr, in plots and in saved files.
 
     Raises
     ------
     ValueError
-        For a matrix or force of the wrong shape, a value that is not finite, or a name that is not known.
+        For a matrix or force of the wrong shape, a value that is not finite, or a symmetry or angle that the equations
+        do not have: the message says in which term, and by how much.
+    KeyError
+        For an angle that is no displacement.
+
+    Attributes
+    ----------
+    outputs : casadi.Function
+        (q, q', q'', x, tau, p) -> all outputs in the order of ``output_names``.
+
+    Notes
+    -----
+    Many methods: what all analyses ask of the equations is compiled here, once.
+
+    A system is picklable: what is sent are small CasADi functions, whatever the user's functions were.
 
     Examples
     --------
@@ -82,6 +111,7 @@ class System:
       outputs: x
     """
 
+    @by_one_thread
     def __init__(
         self,
         mass: Matrix,
@@ -100,43 +130,69 @@ class System:
         input_damping: Matrix | None = None,
         input_mass: Matrix | None = None,
         lag_motion: ArrayLike | None = None,
+        symmetries: Sequence[Symmetry] = (),
+        angles: Sequence[str | int] = (),
         name: str = "system",
     ) -> None:
-        self.name = name
-        self.parameters = ParameterSet(parameters or {})
-        self.p = ca.SX.sym("p", len(self.parameters.names))
-        self.tau = ca.SX.sym("tau")
-        symbols = {key: self.p[i] for i, key in enumerate(self.parameters.names)}
-        self._named = Namespace("parameter", symbols)
+        known = ParameterSet(parameters or {})
+        p, tau = ca.SX.sym("p", len(known.names)), ca.SX.sym("tau")
+        named = Namespace("parameter", {key: p[i] for i, key in enumerate(known.names)})
 
-        self.mass = matrix("mass", mass, self.p, self._named)
-        self.n_dof = n = self.mass.shape[0]
-        self.damping = matrix("damping", damping, self.p, self._named, (n, n))
-        self.stiffness = matrix("stiffness", stiffness, self.p, self._named, (n, n))
+        m_q = matrix("mass", mass, p, named)
+        n = m_q.shape[0]
+        d_q, k_q = matrix("damping", damping, p, named, (n, n)), matrix("stiffness", stiffness, p, named, (n, n))
 
-        self.motion = column("motion", motion(self.tau, self._named)) if motion else ca.SX(0, 1)
-        n_u = self.n_inputs
-        self.input_stiffness = matrix("input_stiffness", input_stiffness, self.p, self._named, (n, n_u))
-        self.input_damping = matrix("input_damping", input_damping, self.p, self._named, (n, n_u))
-        self.input_mass = matrix("input_mass", input_mass, self.p, self._named, (n, n_u))
+        u = column("motion", motion(tau, named)) if motion else ca.SX(0, 1)
+        n_u = u.shape[0]
+        k_u = matrix("input_stiffness", input_stiffness, p, named, (n, n_u))
+        d_u = matrix("input_damping", input_damping, p, named, (n, n_u))
+        m_u = matrix("input_mass", input_mass, p, named, (n, n_u))
 
-        self.lag_state = numbers("lag_state", lag_state, None)
-        m = self.n_lags
-        self.lag_input = numbers("lag_input", lag_input, (m, n))
-        self.lag_motion = numbers("lag_motion", lag_motion, (m, n_u))
-        self.lag_output = matrix("lag_output", lag_output, self.p, self._named, (n, m))
+        a_x = numbers("lag_state", lag_state, None)
+        m = a_x.shape[0]
+        b_q, b_u = numbers("lag_input", lag_input, (m, n)), numbers("lag_motion", lag_motion, (m, n_u))
+        l_x = matrix("lag_output", lag_output, p, named, (n, m))
 
-        self.q = ca.SX.sym("q", n)
-        self.v = ca.SX.sym("v", n)
-        self.force = ca.SX.zeros(n)
-        if nonlinear_force:
-            value = nonlinear_force(self.q, self.v, self.tau, self._named)
-            self.force = column("nonlinear_force", value, n)
-        self.forcing = column("forcing", forcing(self.tau, self._named), n) if forcing else ca.SX.zeros(n)
-        self._check_signals()
-        self._outputs = dict(outputs) if outputs is not None else displacements(n)
-        self.output_names: tuple[str, ...] = tuple(self._outputs)
-        _ = self.outputs  # what is wrong with them is said here
+        q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
+        force = column("nonlinear_force", nonlinear_force(q, v, tau, named), n) if nonlinear_force else ca.SX.zeros(n)
+        load = column("forcing", forcing(tau, named), n) if forcing else ca.SX.zeros(n)
+        _check_signals(known, force, load, u, (q, v, tau, p))
+        rules = dict(outputs) if outputs is not None else displacements(n)
+        signals = compiled_outputs(rules, (q, v, tau, p), u, m, named)
+        self._set_up(
+            Definition(
+                name=name,
+                parameters=known,
+                output_names=tuple(rules),
+                lag_state=a_x,
+                lag_input=b_q,
+                lag_motion=b_u,
+                matrices=ca.Function("matrices", [p], [m_q, d_q, k_q, l_x, k_u, d_u, m_u]),
+                force=ca.Function("force", [q, v, tau, p], [force]),
+                signals=ca.Function("signals", [tau, p], [load, u]),
+                outputs=signals,
+                symmetries=list_of_symmetries(symmetries, n),
+                angles=angle_positions(angles, names_of_displacements(signals, tuple(rules)), n),
+            )
+        )
+        if self.symmetries or self.angles:
+            self.invariance.check_given(self.angles)
+
+    def _set_up(self, definition: Definition) -> None:
+        self._definition = definition
+        self.name, self.parameters, self.output_names = definition.name, definition.parameters, definition.output_names
+        self.lag_state, self.lag_input = definition.lag_state, definition.lag_input
+        self.lag_motion = definition.lag_motion
+        self.outputs = definition.outputs
+        self.symmetries, self.angles = definition.symmetries, definition.angles
+        self.p, self.tau = ca.SX.sym("p", len(self.parameters.names)), ca.SX.sym("tau")
+        matrices = definition.matrices.call([self.p])
+        self.mass, self.damping, self.stiffness, self.lag_output = matrices[:4]
+        self.input_stiffness, self.input_damping, self.input_mass = matrices[4:]
+        self.n_dof: int = self.mass.shape[0]
+        self.q, self.v = ca.SX.sym("q", self.n_dof), ca.SX.sym("v", self.n_dof)
+        (self.force,) = definition.force.call([self.q, self.v, self.tau, self.p])
+        self.forcing, self.motion = definition.signals.call([self.tau, self.p])
 
     # -- sizes ------------------------------------------------------------------------------------------------------
 
@@ -162,7 +218,7 @@ class System:
 
     # -- compiled functions -----------------------------------------------------------------------------------------
 
-    @cached_property
+    @built_once
     def matrices(self) -> ca.Function:
         """CasADi function p -> (M, D, K, L_x, K_u, D_u, M_u)."""
         expressions = [
@@ -176,20 +232,17 @@ class System:
         ]
         return ca.Function("matrices", [self.p], [ca.densify(e) for e in expressions])
 
-    @cached_property
+    @built_once
     def compiled_force(self) -> CompiledForce:
         """The force f and its derivatives as CasADi functions."""
         return CompiledForce(self.force, self.q, self.v, self.tau, self.p)
 
-    @cached_property
+    @built_once
     def motion_derivatives(self) -> tuple[ca.SX, ca.SX]:
         """Expressions of u' and u'' (derivatives by time, so with factors omega and omega squared)."""
-        omega = self._named.omega
-        first = ca.jacobian(self.motion, self.tau)
-        second = ca.jacobian(first, self.tau)
-        return omega * first, omega**2 * second
+        return motion_derivatives(self.motion, self.tau, self.p[self.parameters.index("omega")])
 
-    @cached_property
+    @built_once
     def excitation(self) -> ca.Function:
         """CasADi function (tau, p) -> (K_u u + D_u u' + M_u u'' + forcing, B_u u''), the time-dependent right sides."""
         du, ddu = self.motion_derivatives
@@ -197,20 +250,6 @@ class System:
         return ca.Function(
             "excitation", [self.tau, self.p], [ca.densify(load), ca.densify(ca.DM(self.lag_motion) @ ddu)]
         )
-
-    @cached_property
-    def outputs(self) -> ca.Function:
-        """CasADi function (q, q', q'', x, tau, p) -> all outputs in the order of `output_names`."""
-        a, x = ca.SX.sym("a", self.n_dof), ca.SX.sym("x", self.n_lags)
-        du, ddu = self.motion_derivatives
-        signals = {"q": self.q, "v": self.v, "a": a, "x": x, "u": self.motion, "du": du, "ddu": ddu}
-        seen = Namespace("signal", {**signals, "tau": self.tau, "p": self._named})
-        arguments = [self.q, self.v, a, x, self.tau, self.p]
-        rows = []
-        for name, rule in self._outputs.items():
-            rows.append(column(f"output {name!r}", rule(seen), 1))
-            check_symbols(f"output {name!r}", rows[-1], arguments)
-        return ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)])
 
     def output_index(self, name: str) -> int:
         """Return the position of output ``name``, or raise a KeyError with the nearest known name."""
@@ -233,10 +272,24 @@ class System:
     def linearisation(self, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None) -> Array:
         """Return the state matrix (n_state, n_state) of (q, q', x), linearised about rest.
 
-        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0; omega, where it
-        has no value, is taken as zero: a system whose matrices depend on it has no linearisation without one.
+        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0. Omega needs a
+        value, of any sign, only where the linearisation depends on it: a rotor's speed.
+
+        Raises
+        ------
+        ValueError
+            If the linearisation depends on omega, which has no value, or the mass matrix is singular.
+        NonFiniteError
+            If the force has no finite derivative there.
         """
-        values = np.nan_to_num(self.parameters.values(at, but=("omega",)))
+        values = self.parameters.values(at, but=(OMEGA,))
+        if np.isnan(values).any():
+            if depends_on_omega(self, rest):
+                raise ValueError(
+                    f"the linearisation of {self.name!r} depends on omega, which has no value; give one, for instance "
+                    "at={'omega': 1.0}"
+                )
+            values = np.where(np.isnan(values), 1.0, values)
         q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
         plant = Plant(*self.state_matrices(values), self.lag_state, self.lag_input)
         force_q, force_v = self.compiled_force.tangents(q0, np.zeros(self.n_dof), 0.0, values)
@@ -244,17 +297,41 @@ class System:
             raise NonFiniteError("the derivative of nonlinear_force is not finite at rest; smooth it there")
         return plant.state_matrix(force_q, force_v)
 
-    def _check_signals(self) -> None:
-        """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
-        check_symbols("nonlinear_force", self.force, [self.tau, self.q, self.v, self.p])
-        check_symbols("forcing", self.forcing, [self.tau, self.p])
-        check_symbols("motion", self.motion, [self.tau, self.p])
-        rng, defaults = np.random.default_rng(7), self.parameters.ordered(self.parameters.defaults)
-        known = np.isfinite(defaults) & (defaults != 0.0)
-        typical = [*rng.uniform(-1.0, 1.0, (2, self.n_dof)), np.where(known, defaults, 1.0)]
-        phased = Phased(self.tau, [self.q, self.v, self.p], typical, self.parameters.index("omega"))
-        for what, expression in (("nonlinear_force", self.force), ("forcing", self.forcing), ("motion", self.motion)):
-            check_periodicity(what, expression, phased)
+    # -- symmetries -------------------------------------------------------------------------------------------------
+
+    def symmetries_at(self, at: Mapping[str, float] | Array | None = None) -> tuple[Symmetry, ...]:
+        """Return the symmetries of the equations at parameter values, all but the identity.
+
+        They form a group with it: the named ones that hold there come first, then the change of sign with half a
+        forcing period, the change of sign and half a period where they hold, then products of these.
+
+        Parameters
+        ----------
+        at : mapping or array (n_parameters,), optional
+            Overrides of the defaults by name, or all values in order. omega counts as 1 where it has no value.
+        """
+        return self.invariance.at(at)
+
+    @built_once
+    def invariance(self) -> Invariance:
+        """What tells the symmetries of the equations from those that they lack, and by how much."""
+        omega, force = self.parameters.index("omega"), self.compiled_force.value
+        equations = Equivariance(self.matrices, force, self.excitation, self.lag_state, self.lag_input, omega)
+        return Invariance(equations, self.parameters, self.symmetries)
+
+    # -- copies and other processes ---------------------------------------------------------------------------------
+
+    def __reduce__(self) -> tuple[Callable[[bytes], System], tuple[bytes]]:
+        """Send the definition; a process that gets the same one again returns the system that it has built from it."""
+        return _received, (self._definition.content,)
+
+    def __copy__(self) -> System:
+        """Return another system of the same equations, with symbols of its own."""
+        return _of(self._definition)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> System:
+        """Return another system of the same equations, which shares nothing with this one."""
+        return _of(Definition.of(self._definition.content))
 
     def __repr__(self) -> str:
         values = self.parameters.defaults.items()
@@ -265,3 +342,45 @@ class System:
             f"  parameters: {given}\n"
             f"  outputs: {', '.join(self.output_names)}"
         )
+
+
+@by_one_thread
+def depends_on_omega(system: System, rest: ArrayLike | None = None) -> bool:
+    """Return whether the linearisation depends on omega: a matrix, or the derivative of the nonlinear force at rest."""
+    q0 = np.zeros(system.n_dof) if rest is None else np.asarray(rest, dtype=float)
+    slope = ca.jacobian(system.force, ca.vertcat(system.q, system.v))
+    state = ca.vertcat(system.q, system.v, system.tau)
+    slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(system.n_dof + 1)]))
+    omega = system.p[system.parameters.index(OMEGA)]
+    laws = [system.mass, system.damping, system.stiffness, system.lag_output, slope]
+    return any(ca.depends_on(law, omega) for law in laws)
+
+
+_RECEIVED: Kept[System] = Kept(8)
+
+
+def _received(content: bytes) -> System:
+    """Return the system of a definition that came from elsewhere, built once."""
+    return _RECEIVED.get(hashlib.sha256(content).digest(), lambda: _of(Definition.of(content)))
+
+
+def _of(definition: Definition) -> System:
+    system = object.__new__(System)
+    system._set_up(definition)
+    return system
+
+
+def _check_signals(
+    parameters: ParameterSet, force: ca.SX, forcing: ca.SX, motion: ca.SX, symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
+) -> None:
+    """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
+    q, v, tau, p = symbols
+    rng, defaults = np.random.default_rng(7), parameters.ordered(parameters.defaults)
+    known = np.isfinite(defaults) & (defaults != 0.0)
+    typical = [*rng.uniform(-1.0, 1.0, (2, q.numel())), np.where(known, defaults, 1.0)]
+    phased = Phased(tau, [q, v, p], typical, parameters.index(OMEGA))
+    check_symbols("nonlinear_force", force, [tau, q, v, p])
+    check_symbols("forcing", forcing, [tau, p])
+    check_symbols("motion", motion, [tau, p])
+    for what, expression in (("nonlinear_force", force), ("forcing", forcing), ("motion", motion)):
+        check_periodicity(what, expression, phased)

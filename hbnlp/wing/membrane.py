@@ -29,13 +29,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
 from hbnlp.wing.strain import ExactArc, SmallSlopes, Strain
 from hbnlp.wing.tension import ConstantTension, ElasticTension, MembraneProperties, TensionLaw
 
 
 @dataclass(frozen=True, kw_only=True)
-class Membrane(ABC):
+class Membrane(FieldsAlone, ABC):
     """A membrane with pinned ends in sine modes; everything nondimensional (chord, stream velocity, density).
 
     Its laws take ``W``, the modal amplitudes: CasADi expressions (N, 1), or an array (N,) or (N, n_times); and ``p``,

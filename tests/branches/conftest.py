@@ -70,6 +70,8 @@ def assert_same():
         for p, q in zip(one.special_points, other.special_points, strict=True):
             assert (p.kind, p.value, p.bracket, p.index, p.refined) == (q.kind, q.value, q.bracket, q.index, q.refined)
             assert p.multiplier == q.multiplier
+            assert p.breaks == q.breaks
+            assert repr(p) == repr(q)
             assert dict(p.sensitivity) == dict(q.sensitivity)
             np.testing.assert_array_equal(p.solution.coefficients, q.solution.coefficients)
             np.testing.assert_array_equal(p.solution.amplitudes, q.solution.amplitudes)

@@ -51,6 +51,10 @@ def test_the_chain_has_its_sixteen_folds_in_order(chain_branch):
     np.testing.assert_allclose([fold.value for fold in chain_branch.folds], CHAIN_FOLDS, rtol=1e-9)
 
 
+def test_all_its_branch_points_break_the_half_period_sign_change(chain_branch):
+    assert {point.breaks.name for point in chain_branch.branch_points} == {"half-period sign change"}
+
+
 def test_the_tabulated_folds_are_those_of_a_balance_in_numpy(chain_branch):
     """From the folds that were traced, at a distance of some 1e-5."""
     springs = 2 * np.eye(10) - np.eye(10, k=1) - np.eye(10, k=-1)

@@ -14,9 +14,11 @@ from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.kinds import End, Kind
+from hbnlp.solutions.identity import relation
 from hbnlp.solutions.solving import solve
 from hbnlp.stability.result import Floquet
 from hbnlp.systems import chain, duffing, tuned_absorber
+from hbnlp.systems.symmetry import Symmetry
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch
 
@@ -316,6 +318,90 @@ def test_a_pitchfork_in_a_static_parameter_is_switched_exactly():
     assert not branch.stable[-1]
 
 
+# -- which symmetry breaks ---------------------------------------------------------------------------------------------
+
+SWAP = Symmetry([[0, 1], [1, 0]], name="swap")
+
+
+def test_a_duffing_oscillator_under_a_large_load_loses_its_half_period_sign_change():
+    problem = HarmonicBalance(duffing(damping_ratio=0.05, cubic=1.0, force=2.0), 9)
+    branch = trace(problem, "omega", (0.6, 1.2))
+    check_branch(branch)
+    assert len(branch.branch_points) == 2
+    for point in branch.branch_points:
+        assert point.breaks.name == "half-period sign change"
+        assert "breaks 'half-period sign change', between" in repr(point)
+        assert point.solution.is_odd
+        one, other = switch_branch(point)
+        assert not one.is_odd
+        assert relation(one, other, tol=1e-3) in (None, point.breaks)  # None: they lie at different frequencies
+    assert all(fold.breaks is None for fold in branch.folds)
+
+
+def test_all_branch_points_of_the_chain_break_it(broken):
+    _, branch = broken
+    assert {point.breaks.name for point in branch.branch_points} == {"half-period sign change"}
+
+
+def test_equal_oscillators_in_phase_lose_what_swaps_them():
+    system = System(
+        np.eye(2),
+        0.08 * np.eye(2),
+        [[1.05, -0.05], [-0.05, 1.05]],
+        nonlinear_force=lambda q, v, tau, p: q**3,
+        forcing=lambda tau, p: [0.1 * ca.cos(tau)] * 2,
+        symmetries=[SWAP],
+    )
+    problem = HarmonicBalance(system, 3)
+    branch = trace(problem, "omega", (0.8, 2.5), stability=None)
+    check_branch(branch)
+    assert len(branch.branch_points) == 2
+    for point in branch.branch_points:
+        assert point.breaks == SWAP
+        assert len(point.solution.symmetries) == 3
+        one, other = switch_branch(point)
+        assert [each.name for each in one.symmetries] == ["half-period sign change"]
+        assert relation(one, other) == SWAP
+        image = one.image(SWAP)
+        np.testing.assert_allclose(image.origin.coefficients, one.origin.coefficients, atol=1e-9)
+        short = PseudoArclength(max_points=10)
+        there, mirrored = (trace(s, "omega", (0.8, 2.5), stability=None, method=short) for s in (other, image))
+        np.testing.assert_allclose(mirrored.parameter, there.parameter, rtol=1e-8)
+        np.testing.assert_allclose(mirrored.coefficients, there.coefficients, atol=1e-7)
+
+
+def test_a_plain_crossing_breaks_nothing():
+    """x^2 = mu x: at mu = 0 the rest and x = mu cross, the transcritical bifurcation."""
+    system = System(
+        1.0,
+        0.3,
+        lambda p: -p.mu,
+        nonlinear_force=lambda q, v, tau, p: [q[0] ** 2],
+        parameters={"mu": -0.5, "omega": 1.0},
+    )
+    branch = trace(HarmonicBalance(system, 1), "mu", (-0.5, 0.7), start=np.zeros((1, 3)))
+    check_branch(branch)
+    (point,) = branch.branch_points
+    assert point.breaks is None
+    assert "breaks" not in repr(point)
+
+
+def test_rest_under_a_pump_loses_the_sign_change_and_half_a_period_but_not_both():
+    system = System(1.0, 0.005, 1.0, nonlinear_force=lambda q, v, tau, p: [-0.3 * ca.cos(2 * tau) * q[0] + q[0] ** 3])
+    problem = HarmonicBalance(system, 5)
+    branch = trace(problem, "omega", (0.7, 1.3), start=np.zeros((1, 11)), stability=None)
+    assert [point.breaks.name for point in branch.branch_points] == ["sign change", "sign change"]
+    (start, _) = switch_branch(branch.branch_points[0])
+    assert [each.name for each in start.symmetries] == ["half-period sign change"]
+
+
+def test_over_two_periods_a_period_doubling_breaks_the_shift_by_one(doubling):
+    _, branch, points = doubling
+    twice = trace(HarmonicBalance(branch.problem.system, 16, periods=2), "omega", (1.2, 3.0), stability=None)
+    assert len(twice.branch_points) == len(points)
+    assert {point.breaks.name for point in twice.branch_points} == {"shift by 1 forcing period"}
+
+
 # -- what multipliers imply --------------------------------------------------------------------------------------------
 
 PAIR_IN, PAIR_OUT = [0.7 + 0.6j, 0.7 - 0.6j], [0.9 + 0.6j, 0.9 - 0.6j]
@@ -347,7 +433,8 @@ STEPS = {
 
 @pytest.mark.parametrize(("before", "after", "kinds"), STEPS.values(), ids=STEPS)
 def test_multipliers_of_neighbours_imply_what_lies_between(before, after, kinds):
-    a, b = (SimpleNamespace(converged=True, multipliers=np.array(m, dtype=complex)) for m in (before, after))
+    shared = {"converged": True, "options": Floquet()}
+    a, b = (SimpleNamespace(multipliers=np.array(m, dtype=complex), **shared) for m in (before, after))
     assert crossings(a, b) == kinds
 
 

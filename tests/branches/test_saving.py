@@ -13,6 +13,7 @@ from hbnlp.branches.tracing import trace
 from hbnlp.core.callbacks import Autosave
 from hbnlp.core.errors import SaveError, TaskError
 from hbnlp.core.kinds import End, Kind
+from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.systems import chain
 from hbnlp.testing import check_branch
 
@@ -33,6 +34,20 @@ def test_branch_points_neimark_sacker_and_no_stability_survive_the_file(absorber
     for branch in (with_stability, without):
         branch.save(tmp_path / "branch.npz")
         assert_same(branch, Branch.load(tmp_path / "branch.npz"))
+
+
+def test_files_from_before_branch_points_told_what_breaks_load_without_it(tmp_path):
+    branch = trace(HarmonicBalance(chain(3), 3), "omega", (2.5, 0.4), stability=None)
+    assert all(point.breaks is not None for point in branch.branch_points)
+    branch.save(tmp_path / "branch.npz")
+    arrays, metadata = load_arrays(tmp_path / "branch.npz", "branch")
+    del arrays["special_breaks"]
+    for entry in metadata["special_points"]:
+        del entry["breaks"]
+    save_arrays(tmp_path / "older.npz", "branch", arrays, metadata)
+    older = Branch.load(tmp_path / "older.npz")
+    assert [point.value for point in older.special_points] == [point.value for point in branch.special_points]
+    assert all(point.breaks is None for point in older.special_points)
 
 
 def test_what_is_no_branch_is_refused(branch, tmp_path):

@@ -1,15 +1,20 @@
 """All solutions at one parameter point, by deflation, random starts and varied load."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.tracing import trace
+from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Autosave
-from hbnlp.core.errors import TaskError
+from hbnlp.core.errors import NonFiniteError, TaskError
 from hbnlp.core.kinds import End
+from hbnlp.solutions.attempt import attempt
+from hbnlp.solutions.cold_start import linear_guess
 from hbnlp.solutions.deflation import deflated_newton
-from hbnlp.solutions.search import Search, find_all
+from hbnlp.solutions.identity import same_motion
+from hbnlp.solutions.search import Search, _Motions, find_all
 from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
@@ -18,6 +23,18 @@ from hbnlp.testing import check_branch
 # first harmonics of the three solutions at W = 1.2, H = 11: of tests/numpy_balance.py, as test_solving.py tests
 AMPLITUDES = [0.4175204536, 2.2605488905, 2.5091975811]
 SEEDS = [0, 1, 20080]
+
+
+def pendulum(force=0.2, **options):
+    """x'' + .1 x' + sin x = F cos(w t)."""
+    return System(
+        1.0,
+        0.1,
+        0.0,
+        nonlinear_force=lambda q, v, tau, p: [ca.sin(q[0])],
+        forcing=lambda tau, p: [force * ca.cos(tau)],
+        **options,
+    )
 
 
 def check_solutions(problem, solutions):
@@ -70,6 +87,67 @@ def test_a_buckled_beam_has_three_at_rest():
     check_solutions(problem, solutions)
     static = sorted(s.coefficients[0, 0] for s in solutions if np.abs(s.coefficients[0, 1:]).max() < 1e-9)
     np.testing.assert_allclose(static, [-1.0, 0.0, 1.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_mirror_images_are_never_missed(seed):
+    """Rest, an unstable and a stable pair: with x(t) also -x(t) solves the equations.
+
+    For one harmonic (1 - w^2 + 3/4 A^2)^2 + w^2 (g + eta A^2/4)^2 = lam^2/4 has two roots A.
+    """
+    system = System(
+        1.0,
+        0.005,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [
+            -0.03 * ca.cos(2 * tau) * q[0] + q[0] ** 3 + 0.3 * q[0] ** 2 * v[0],
+        ],
+    )
+    problem = HarmonicBalance(system, 5)
+    solutions = find_all(problem, at={"omega": 1.02}, rng=np.random.default_rng(seed))
+    check_solutions(problem, solutions)
+    first = sorted(float(s.harmonics("x")[1].real) for s in solutions)
+    assert len(first) == 5
+    assert first == pytest.approx([-0.2428, -0.0526, 0.0, 0.0526, 0.2428], abs=1e-4)
+    for solution in solutions:
+        image = solution.image(system.symmetries_at(solution.parameters)[1])
+        assert sum(same_motion(image, other) for other in solutions) == 1
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_pendulum_hangs_or_stands_and_its_turns_are_no_other_motions(seed):
+    problem = HarmonicBalance(pendulum(angles=["x"]), 5)
+    hanging, standing = find_all(problem, at={"omega": 2.0}, rng=np.random.default_rng(seed))
+    check_solutions(problem, [hanging, standing])
+    assert hanging.harmonics("x")[0].real == pytest.approx(0.0, abs=1e-9)
+    assert standing.harmonics("x")[0].real == pytest.approx(np.pi, abs=1e-9)
+    # about rest (1 - w^2 + i d w) x = F, about the top with -1; sin x is softer than x by less than x^2 / 8
+    for solution, slope in ((hanging, 1.0), (standing, -1.0)):
+        linear = 0.2 / abs(slope - 4.0 + 0.2j)
+        assert abs(solution.harmonics("x")[1]) == pytest.approx(linear, rel=2e-3)
+
+
+def test_a_start_that_takes_too_many_samples_does_not_end_the_search():
+    """At an amplitude of 25,000 the sine has as many harmonics."""
+    problem = HarmonicBalance(pendulum(force=1e5), 5)
+    values = problem.values({"omega": 2.0})
+    far = linear_guess(problem, values)
+    reached = attempt(problem, values, far, Newton(), start="far")
+    assert not reached.converged and "samples a period would be needed for the force" in reached.statistics["reason"]
+    motions = _Motions(problem, values, Search())
+    motions.polish(far, "far")
+    assert motions.found == []
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_motions_over_three_periods_count_once(seed):
+    """Two of one period at the resonance, one away from it, and two of three periods, each from three beginnings."""
+    problem = HarmonicBalance(duffing(damping_ratio=0.02, cubic=1.0, force=2.0), 9, periods=3)
+    solutions = find_all(problem, at={"omega": 4.5}, rng=np.random.default_rng(seed))
+    check_solutions(problem, solutions)
+    subharmonic = [s for s in solutions if abs(s.harmonics("x")[1]) > 1e-3]
+    assert (len(solutions), len(subharmonic)) == (5, 2)
+    assert all(s.is_odd for s in solutions)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -193,3 +271,41 @@ def test_arguments_of_another_kind_are_named(options, message):
         find_all(problem, at={"omega": 1.2}, **options)
     with pytest.raises(TypeError, match=r"problem is System .*; give a HarmonicBalance"):
         find_all(problem.system, at={"omega": 1.2})
+
+
+def magnet():
+    """x'' + .1 x' + x - 1 / x^2 = .05 cos tau: rest about x = 1, no force at x = 0."""
+    return System(
+        1.0,
+        0.1,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [-1.0 / q[0] ** 2],
+        forcing=lambda tau, p: [0.05 * ca.cos(tau)],
+    )
+
+
+def test_a_search_goes_on_where_rest_is_singular():
+    problem = HarmonicBalance(magnet(), 5)
+    known = solve(problem, at={"omega": 1.0}, start=[[1.0, 0.0, 0.0]])
+    for options in ({"known": [known], "method": Search(n_starts=2)}, {"method": Search(n_starts=20)}):
+        found = find_all(problem, at={"omega": 1.0}, **options)
+        assert min(np.linalg.norm(s.coefficients - known.coefficients) for s in found) < 1e-8
+
+
+def test_a_search_that_finds_nothing_says_that_rest_is_singular():
+    system = System(1.0, 0.1, 1.0, nonlinear_force=lambda q, v, tau, p: [ca.sqrt(-1.0 - q[0] ** 2)])
+    with pytest.raises(NonFiniteError, match="not finite at rest"):
+        find_all(HarmonicBalance(system, 2), at={"omega": 1.0}, method=Search(n_starts=2))
+
+
+def test_a_search_among_rough_motions_finds_the_smooth_one():
+    """The contact of test_solving.py: from x = 0 the motions bounce."""
+    system = System(
+        1.0,
+        0.05,
+        0.0,
+        nonlinear_force=lambda q, v, tau, p: [ca.if_else(q[0] > 0.0, q[0] ** 1.5, 0.0)],
+        forcing=lambda tau, p: [1.0 + 0.3 * ca.cos(tau)],
+    )
+    found = find_all(HarmonicBalance(system, 11), at={"omega": 0.8}, method=Search(n_starts=1, n_deflated=1))
+    assert min(abs(abs(s.harmonics("x")[1]) - 0.352391) for s in found) < 1e-5
