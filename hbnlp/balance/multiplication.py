@@ -47,22 +47,26 @@ class Multiplication:
     def __init__(self, basis: FourierBasis, places: Places, *, derivative: bool = False) -> None:
         self._places = places
         self._length = n_coefficients(basis.n_harmonics)
+        self._at_once = max(1, LARGEST_SCRATCH // self._length**2)
         small = basis.n_samples * self._length**2 <= LARGEST_TABLE
         self._blocks: Callable[[Array], Array] = (Table if small else ToeplitzHankel)(basis, derivative)
 
     def add(self, matrix: Array, samples: Array) -> None:
         """Add the blocks of functions given by samples (n_samples, count)."""
         rows, columns = self._places
-        n, size = matrix.shape[0], self._length
-        if len(rows) * size**2 > LARGEST_SCRATCH:
-            at_once = max(1, LARGEST_SCRATCH // size**2)
-            for part in (slice(begin, begin + at_once) for begin in range(0, len(rows), at_once)):
+        n, size = matrix.shape[:2]
+        if len(rows) <= self._at_once:
+            if len(rows) == n**2:
+                # entries come column by column: (column, row, L, L) to (row, L, column, L)
+                matrix += self._blocks(samples).reshape(n, n, size, size).transpose(1, 2, 0, 3)
+            elif len(rows):
+                matrix[rows, :, columns, :] += self._blocks(samples)
+        elif self._at_once > 1:
+            for part in (slice(begin, begin + self._at_once) for begin in range(0, len(rows), self._at_once)):
                 matrix[rows[part], :, columns[part], :] += self._blocks(samples[:, part])
-        elif len(rows) == n**2:
-            # entries come column by column: (column, row, L, L) to (row, L, column, L)
-            matrix += self._blocks(samples).reshape(n, n, size, size).transpose(1, 2, 0, 3)
-        elif len(rows):
-            matrix[rows, :, columns, :] += self._blocks(samples)
+        else:
+            for k, (row, column) in enumerate(zip(rows, columns, strict=True)):
+                matrix[row, :, column, :] += self._blocks(samples[:, k : k + 1])[0]
 
 
 class Table:
