@@ -16,7 +16,6 @@ from scipy import fft
 
 from hbnlp.core.types import Array, ComplexArray
 
-
 LARGEST_MATRIX = 20_000
 """Entries up to which a product with a basis' matrix is quicker than a fast Fourier transform."""
 
@@ -171,7 +170,7 @@ class FourierBasis:
         amplitudes[..., 0] *= 0.5
         return to_real(amplitudes)
 
-    @property
+    @cached_property
     def is_small(self) -> bool:
         """Whether its matrices are quicker than a fast Fourier transform."""
         return self.n_samples * n_coefficients(self.n_harmonics) <= LARGEST_MATRIX

@@ -160,7 +160,7 @@ class Operators:
 
     def second(self, coefficients: Array) -> Array:
         """Return the second derivative by phase."""
-        return coefficients * self._curvatures
+        return np.asarray(coefficients * self._curvatures)
 
     def motion_load(self, law: Laws, motion: Array, rate: float) -> Array:
         """Return the coefficients of K_u u + D_u u' + M_u u''."""

@@ -2,48 +2,67 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
-import casadi as ca
 import numpy as np
 
 from hbnlp.balance.linear_terms import LinearBalance
 from hbnlp.balance.sampling import Sampling
+from hbnlp.core.native import PerThread, bound
 from hbnlp.core.types import Array
 from hbnlp.fourier import differentiated
 from hbnlp.systems.system import System
 
 AT_ONCE = 20_000
-"""Samples of several solutions that are evaluated together."""
+"""Samples of several solutions that are held together."""
 
 
 class Outputs:
     """Coefficients of all outputs at solutions of one balance, whose linear terms know the lag states."""
 
     def __init__(self, system: System, sampling: Sampling, linear: LinearBalance) -> None:
-        self._system, self._linear = system, linear
-        self._basis, self._periods = sampling.outputs, sampling.periods
+        self._linear, self._basis, self._periods = linear, sampling.outputs, sampling.periods
         self._omega = system.parameters.index("omega")
+        self._memory = PerThread(lambda: _Memory(system, self._periods * self._basis.theta))
 
     def coefficients(self, motions: Array, values: Array) -> Array:
-        """Return the coefficients (n_points, n_outputs, L) at motions (n_points, n, L) and parameters (n_points, p)."""
-        at_once = max(1, AT_ONCE // self._basis.n_samples)
-        parts = [slice(begin, begin + at_once) for begin in range(0, len(motions), at_once)]
-        return np.concatenate([self._projected(motions[part], values[part]) for part in parts])
+        """Return the coefficients (n_points, n_outputs, L).
 
-    def _projected(self, motions: Array, values: Array) -> Array:
-        count, n_samples = len(motions), self._basis.n_samples
+        Parameters
+        ----------
+        motions : array (n_points, n, L)
+            Coefficients of the displacements.
+        values : array (n_points, n_parameters)
+        """
+        at_once = max(1, AT_ONCE // self._basis.n_samples)
+        parts = [slice(begin, begin + at_once) for begin in range(0, max(len(motions), 1), at_once)]
+        return np.concatenate([self._basis.projected(self._samples(motions[part], values[part])) for part in parts])
+
+    def _samples(self, motions: Array, values: Array) -> Array:
+        """Return the samples (n_points, n_outputs, n_samples)."""
+        memory = self._memory()
         rate = values[:, self._omega, None, None] / self._periods
         first = rate * differentiated(motions)
-        signals = [motions, first, rate * differentiated(first)]
-        signals.append(np.stack([self._linear.lag_states(*point) for point in zip(motions, values, strict=True)]))
-        # point by point, CasADi's columns are samples
-        columns = [self._basis.sampled(each).transpose(1, 0, 2).reshape(-1, count * n_samples) for each in signals]
-        tau = np.tile(self._periods * self._basis.theta, count)
-        function = self._one if count == 1 else self._system.outputs.map(count * n_samples)
-        samples = function(*columns, tau[None, :], np.repeat(values.T, n_samples, axis=1)).full()
-        return self._basis.projected(samples.reshape(-1, count, n_samples).transpose(1, 0, 2))
+        signals = [self._basis.sampled(each) for each in (motions, first, rate * differentiated(first))]
+        if memory.lags.size:
+            states = [self._linear.lag_states(*point) for point in zip(motions, values, strict=True)]
+            signals.append(self._basis.sampled(np.stack(states)))
+        samples = np.empty((len(motions), *memory.outputs.T.shape))
+        for i, point in enumerate(values):
+            for mine, signal in zip(memory.signals, signals, strict=False):  # without lags there are no lag states
+                mine[:] = signal[i].T
+            memory.parameters[:] = point
+            memory.evaluate()
+            samples[i] = memory.outputs.T
+        return samples
 
-    @cached_property
-    def _one(self) -> ca.Function:
-        return self._system.outputs.map(self._basis.n_samples)
+
+class _Memory:
+    """Where one thread evaluates the outputs at the samples of one solution."""
+
+    def __init__(self, system: System, tau: Array) -> None:
+        count, n = tau.size, system.n_dof
+        self.signals = [np.zeros((count, width)) for width in (n, n, n, system.n_lags)]
+        self.lags = self.signals[-1]
+        self.parameters = np.zeros((count, len(system.parameters.names)))
+        self.outputs = np.zeros((count, len(system.output_names)))
+        arguments = [*self.signals, tau[:, None].copy(), self.parameters]
+        self.evaluate = bound(system.outputs.map(count), arguments, [self.outputs])
