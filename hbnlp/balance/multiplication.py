@@ -12,6 +12,7 @@ differentiated by phase before has its columns multiplied by i k.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
@@ -45,11 +46,8 @@ class Multiplication:
     """
 
     def __init__(self, basis: FourierBasis, places: Places, *, derivative: bool = False) -> None:
-        self._places = places
-        self._length = n_coefficients(basis.n_harmonics)
-        self._at_once = max(1, LARGEST_SCRATCH // self._length**2)
-        small = basis.n_samples * self._length**2 <= LARGEST_TABLE
-        self._blocks: Callable[[Array], Array] = (Table if small else ToeplitzHankel)(basis, derivative)
+        self._basis, self._places, self._derivative = basis, places, derivative
+        self._at_once = max(1, LARGEST_SCRATCH // n_coefficients(basis.n_harmonics) ** 2)
 
     def add(self, matrix: Array, samples: Array) -> None:
         """Add the blocks of functions given by samples (n_samples, count)."""
@@ -65,8 +63,16 @@ class Multiplication:
             for part in (slice(begin, begin + self._at_once) for begin in range(0, len(rows), self._at_once)):
                 matrix[rows[part], :, columns[part], :] += self._blocks(samples[:, part])
         else:
+            # one by one and into place: such blocks are not copied for the sake of their indices
             for k, (row, column) in enumerate(zip(rows, columns, strict=True)):
                 matrix[row, :, column, :] += self._blocks(samples[:, k : k + 1])[0]
+
+    @cached_property
+    def _blocks(self) -> Callable[[Array], Array]:
+        """Blocks (count, L, L) of samples (n_samples, count)."""
+        basis = self._basis
+        small = basis.n_samples * n_coefficients(basis.n_harmonics) ** 2 <= LARGEST_TABLE
+        return (Table if small else ToeplitzHankel)(basis, self._derivative)
 
 
 class Table:
