@@ -16,8 +16,8 @@ from scipy import fft
 
 from hbnlp.core.types import Array, ComplexArray
 
-LARGEST_MATRIX = 20_000
-"""Entries up to which a product with a basis' matrix is quicker than a fast Fourier transform."""
+LARGEST_MATRIX = 80_000
+"""Entries up to which a product with a basis' matrix is quicker than a transform: H = 100 with 4 H + 1 samples."""
 
 
 def n_coefficients(n_harmonics: int) -> int:

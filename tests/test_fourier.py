@@ -202,10 +202,10 @@ def test_coefficients_of_many_signals_keep_their_leading_axes():
     np.testing.assert_array_equal(to_real(to_complex(a)), a)
 
 
-@pytest.mark.parametrize(("n_harmonics", "n_samples"), [(3, 7), (3, 8), (60, 121), (60, 122), (60, 241), (100, 401)])
+@pytest.mark.parametrize(("n_harmonics", "n_samples"), [(3, 7), (3, 8), (60, 121), (100, 401), (150, 301), (150, 302)])
 def test_signals_are_sampled_and_projected_alike_by_matrices_and_by_transforms(n_harmonics, n_samples):
     basis, rng = FourierBasis(n_harmonics, n_samples), np.random.default_rng(0)
-    assert basis.is_small is (n_harmonics < 100 and n_samples < 200)
+    assert basis.is_small is (n_harmonics < 100)
     a, samples = rng.normal(size=(2, 3, 2 * n_harmonics + 1)), rng.normal(size=(2, 3, n_samples))
     np.testing.assert_allclose(basis.sampled(a), a @ basis.sampling.T, atol=1e-13)
     np.testing.assert_allclose(basis.projected(samples), samples @ basis.projection.T, atol=1e-14)
