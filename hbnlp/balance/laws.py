@@ -79,7 +79,7 @@ class CompiledLaws:
         return np.repeat(column[:, None], self._basis.n_samples, axis=1)
 
     def _coefficients(self, samples: ca.DM) -> Array:
-        return np.asarray(samples.full() @ self._basis.projection.T)
+        return self._basis.projected(samples.full())
 
 
 class LawsAt:

@@ -71,7 +71,8 @@ class Symbols:
         return self.symbol("omega") / self._sampling.periods
 
     def _sampled(self, basis: FourierBasis, *signals: ca.MX) -> list[ca.MX]:
-        return [(ca.DM(basis.sampling) @ each).T for each in signals]
+        sampling = ca.DM(basis.sampling)
+        return [(sampling @ each).T for each in signals]
 
     def _phases_and_parameters(self, basis: FourierBasis) -> tuple[ca.DM, ca.MX]:
         return ca.DM(self._sampling.periods * basis.theta[None, :]), ca.repmat(self.p, 1, basis.n_samples)
