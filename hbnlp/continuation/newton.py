@@ -6,23 +6,29 @@ Each corrector solves the bordered system::
     [ row   ] d  = - [ row . (y - plane) ]
 
 with LAPACK. The factors are kept for as long as the steps shrink well (Deuflhard 2004, section 2.1,
-doi:10.1007/978-3-642-23899-4) and Broyden's updates make up for their age, so that a point of a branch costs one
-factorisation, that of its tangent.
+doi:10.1007/978-3-642-23899-4) and Broyden's updates make up for their age. The rate of such steps says little about the
+error that they leave: it differs from one direction to another. A point of a branch is only approached by them; the
+factors that its tangent needs anyway then measure the error and take it away, so that a point costs one factorisation.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
-from hbnlp.continuation.curve import Bordered, Curve, relative_residual
+from hbnlp.continuation.curve import TINY, Bordered, Curve, relative_residual
 from hbnlp.core.types import Array
 
 LARGEST_RESIDUAL = 1e-6
 """Steps may cease without a solution, far away or where the Jacobian is singular: the terms must balance to this."""
 SLOW = 0.2
 """A larger ratio of successive steps calls for a new Jacobian."""
+CLOSE = 0.01
+"""How close steps with old factors come, times the root of the tolerance: a step with new ones squares the error."""
+FEW = 3
+"""Steps with the factors of a point itself that are allowed: one takes the error away, one measures what remains."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +38,8 @@ class Newton:
     Parameters
     ----------
     tol : float
-        Bound on the error that remains, relative to the size of the solution (estimated from the rate of convergence).
+        Bound on the error that remains, relative to the size of the solution. At points of branches it is measured by a
+        step with the Jacobian at the point itself; elsewhere the last step is within it, and the steps converge.
     max_iterations : int
         Steps before it is given up.
     """
@@ -60,9 +67,7 @@ class Correction:
     reason: str = ""
 
 
-def correct(
-    curve: Curve, guess: Array, row: Array, options: Newton, near: tuple[Bordered, Array] | None = None
-) -> Correction:
+def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correction:
     """Return the point of the curve on the plane ``row . (y - guess) = 0``.
 
     The result is not converged when the steps do not shrink, when something is not finite, or after the iterations
@@ -75,6 +80,33 @@ def correct(
     row : array (size + 1,)
         Normal of the plane.
     options : Newton
+    """
+    found = approach(curve, guess, row, options, tol=options.tol)
+    if not found.converged:
+        return found
+    # where the terms themselves vanish, at rest, they are measured by those of the guess
+    residual = relative_residual(curve, found.y, least=curve.term_size(guess))
+    return _balanced(found, residual)
+
+
+def approach(
+    curve: Curve,
+    guess: Array,
+    row: Array,
+    options: Newton,
+    *,
+    tol: float | None = None,
+    near: tuple[Bordered, Array] | None = None,
+) -> Correction:
+    """Return where steps with factors that are kept lead; that the terms balance there remains to be seen.
+
+    Parameters
+    ----------
+    curve, guess, row, options
+        As for `correct`.
+    tol : float, optional
+        Bound on the last step, or on more where the steps shrink slowly. By default it is bound to come close enough
+        for `settle` only, as far as the last two steps tell.
     near : (Bordered, array), optional
         Factors at a neighbouring point of the curve, and the tangent there. They then serve throughout and are never
         made anew: between two legs of a curve the Jacobian is singular, and steps with that of one leg seldom converge
@@ -84,6 +116,7 @@ def correct(
     scale = curve.scale(y)
     inverse: _Inverse | None = _Inverse(near[0], row, scale, near[1]) if near is not None else None
     factorisations, last, error = 0, np.inf, np.inf
+    roughly = max(CLOSE * options.tol**0.5, options.tol)
     right = np.zeros(y.size)
     for iteration in range(1, options.max_iterations + 1):
         right[:-1] = curve.residual(y)
@@ -105,19 +138,9 @@ def correct(
         rate = size / last
         if iteration > 1:
             error = size * rate / (1.0 - rate) if rate < 1.0 else np.inf
-        if min(error, size) <= options.tol:
-            # where the terms themselves vanish, at rest, they are measured by those of the guess
-            residual = relative_residual(curve, y, least=curve.term_size(guess))
-            if not residual <= LARGEST_RESIDUAL:
-                reason = f"the steps cease where the residual is {residual:.1e} of its terms"
-                return _failed(y, iteration, factorisations, error, reason)
+        if (min(error, size) <= roughly) if tol is None else (size <= tol and (iteration == 1 or error <= tol)):
             return Correction(
-                y=y,
-                converged=True,
-                iterations=iteration,
-                factorisations=factorisations,
-                error=error,
-                residual=residual,
+                y=y, converged=True, iterations=iteration, factorisations=factorisations, error=error, residual=np.inf
             )
         if not np.isfinite(size) or size > 1e8:
             return _failed(y, iteration, factorisations, error, "the steps of Newton's method grow without bound")
@@ -127,6 +150,41 @@ def correct(
     return _failed(
         y, options.max_iterations, factorisations, error, f"no convergence in {options.max_iterations} iterations"
     )
+
+
+def settle(
+    curve: Curve, found: Correction, guess: Array, row: Array, options: Newton, at: tuple[Bordered, Array]
+) -> Correction:
+    """Return the point that `approach` came close to, its error measured by a step that is not made any more.
+
+    Parameters
+    ----------
+    curve, guess, row, options
+        As for `correct`.
+    found : Correction
+    at : (Bordered, array)
+        Factors there, of [dR/dy; any row], and the tangent.
+    """
+    y, scale = found.y.copy(), curve.scale(found.y)
+    inverse, right, error = _Inverse(at[0], row, scale, at[1]), np.zeros(y.size), np.inf
+    for iteration in range(found.iterations + 1, found.iterations + FEW + 1):
+        right[:-1] = curve.residual(y)
+        step = inverse.step(right)
+        error = _length(step / scale)
+        if error <= options.tol:
+            terms = max(curve.term_size(y), curve.term_size(guess), TINY)
+            settled = dataclasses.replace(found, y=y, iterations=iteration, error=error)
+            return _balanced(settled, float(np.abs(right).max()) / terms)
+        y += step
+    return _failed(y, found.iterations, found.factorisations, error, f"no convergence to {options.tol:g}")
+
+
+def _balanced(found: Correction, residual: float) -> Correction:
+    """Return what was found with its residual, which has to be small: steps may cease without a solution."""
+    if residual <= LARGEST_RESIDUAL:
+        return dataclasses.replace(found, residual=residual)
+    reason = f"the steps cease where the residual is {residual:.1e} of its terms"
+    return _failed(found.y, found.iterations, found.factorisations, found.error, reason)
 
 
 class _Inverse:
