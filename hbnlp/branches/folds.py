@@ -57,7 +57,7 @@ def fold_by_newton(
     problem: HarmonicBalance, x: Array, values: Array, name: str, newton: Newton, null: Array | None = None
 ) -> LocatedFold:
     """Return the fold near a point; ``null`` is a guess of v."""
-    curve = along_folds(problem, values, name)
+    curve = along_folds(problem, x, values, name)
     if null is None:
         null = null_vector(problem.assembly.jacobian(x, values))
     here = values[problem.system.parameters.index(name)]
@@ -79,7 +79,7 @@ def fold_by_program(
 ) -> LocatedFold:
     """Return the fold near a point as the largest or the smallest parameter of the solutions."""
     index = problem.system.parameters.index(name)
-    free = problem.symbol(name) / max(abs(values[index]), 1e-12)
+    free = problem.symbol(name) / (abs(float(values[index])) or 1.0)
     found = minimise(problem, -free if maximum else free, x, values, free=[name], method=ipopt)
     return LocatedFold(
         x=found.x,
