@@ -7,8 +7,8 @@ Each corrector solves the bordered system::
 
 with LAPACK. The factors are kept for as long as the steps shrink well (Deuflhard 2004, section 2.1,
 doi:10.1007/978-3-642-23899-4) and Broyden's updates make up for their age. The rate of such steps says little about the
-error that they leave: it differs from one direction to another. A point of a branch is only approached by them; the
-factors that its tangent needs anyway then measure the error and take it away, so that a point costs one factorisation.
+error that they leave: it differs from one direction to another. They only approach a solution; factors made there then
+take the error away and measure what remains. A point of a branch needs these anyway, for its tangent.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbnlp.continuation.curve import TINY, Bordered, Curve, relative_residual
+from hbnlp.continuation.curve import TINY, Bordered, Curve
 from hbnlp.core.types import Array
 
 LARGEST_RESIDUAL = 1e-6
@@ -27,6 +27,9 @@ SLOW = 0.2
 """A larger ratio of successive steps calls for a new Jacobian."""
 CLOSE = 0.01
 """How close steps with old factors come, times the root of the tolerance: a step with new ones squares the error."""
+SINGULAR = "the Jacobian is singular or not finite"
+SURELY = 1e-3
+"""Below this part of the tolerance the first of these steps is not made either; otherwise it is there for nothing."""
 FEW = 3
 """Steps with the factors of a point itself that are allowed: one takes the error away, one measures what remains."""
 
@@ -38,10 +41,10 @@ class Newton:
     Parameters
     ----------
     tol : float
-        Bound on the error that remains, relative to the size of the solution. At points of branches it is measured by a
-        step with the Jacobian at the point itself; elsewhere the last step is within it, and the steps converge.
+        Bound on the error that remains, relative to the size of the solution: measured by a step with the Jacobian at
+        the solution itself.
     max_iterations : int
-        Steps before it is given up.
+        Steps before it is given up, but for the last ones, with the Jacobian at the solution.
     """
 
     tol: float = 1e-10
@@ -81,12 +84,14 @@ def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correcti
         Normal of the plane.
     options : Newton
     """
-    found = approach(curve, guess, row, options, tol=options.tol)
+    found = approach(curve, guess, row, options)
     if not found.converged:
         return found
-    # where the terms themselves vanish, at rest, they are measured by those of the guess
-    residual = relative_residual(curve, found.y, least=curve.term_size(guess))
-    return _balanced(found, residual)
+    factors = Bordered.at(curve, found.y, row)
+    if factors.singular:
+        return _failed(found.y, found.iterations, found.factorisations + 1, found.error, SINGULAR)
+    found = dataclasses.replace(found, factorisations=found.factorisations + 1)
+    return settle(curve, found, guess, row, options, factors)
 
 
 def approach(
@@ -95,18 +100,14 @@ def approach(
     row: Array,
     options: Newton,
     *,
-    tol: float | None = None,
     near: tuple[Bordered, Array] | None = None,
 ) -> Correction:
-    """Return where steps with factors that are kept lead; that the terms balance there remains to be seen.
+    """Return where steps with factors that are kept lead, close enough for `settle` as far as the last two steps tell.
 
     Parameters
     ----------
     curve, guess, row, options
         As for `correct`.
-    tol : float, optional
-        Bound on the last step, or on more where the steps shrink slowly. By default it is bound to come close enough
-        for `settle` only, as far as the last two steps tell.
     near : (Bordered, array), optional
         Factors at a neighbouring point of the curve, and the tangent there. They then serve throughout and are never
         made anew: between two legs of a curve the Jacobian is singular, and steps with that of one leg seldom converge
@@ -126,7 +127,7 @@ def approach(
             factors = Bordered.at(curve, y, row)
             factorisations += 1
             if factors.singular:
-                return _failed(y, iteration, factorisations, error, "the Jacobian is singular or not finite")
+                return _failed(y, iteration, factorisations, error, SINGULAR)
             inverse = _Inverse(factors, row, scale)
         step = inverse.step(right)
         y += step
@@ -138,7 +139,7 @@ def approach(
         rate = size / last
         if iteration > 1:
             error = size * rate / (1.0 - rate) if rate < 1.0 else np.inf
-        if (min(error, size) <= roughly) if tol is None else (size <= tol and (iteration == 1 or error <= tol)):
+        if min(error, size) <= roughly:
             return Correction(
                 y=y, converged=True, iterations=iteration, factorisations=factorisations, error=error, residual=np.inf
             )
@@ -153,7 +154,13 @@ def approach(
 
 
 def settle(
-    curve: Curve, found: Correction, guess: Array, row: Array, options: Newton, at: tuple[Bordered, Array]
+    curve: Curve,
+    found: Correction,
+    guess: Array,
+    row: Array,
+    options: Newton,
+    at: Bordered,
+    tangent: Array | None = None,
 ) -> Correction:
     """Return the point that `approach` came close to, its error measured by a step that is not made any more.
 
@@ -162,16 +169,19 @@ def settle(
     curve, guess, row, options
         As for `correct`.
     found : Correction
-    at : (Bordered, array)
-        Factors there, of [dR/dy; any row], and the tangent.
+    at : Bordered
+        Factors there, of [dR/dy; row].
+    tangent : array (size + 1,), optional
+        The tangent there, needed where the factors are those of another row.
     """
     y, scale = found.y.copy(), curve.scale(found.y)
-    inverse, right, error = _Inverse(at[0], row, scale, at[1]), np.zeros(y.size), np.inf
+    inverse, right, error = _Inverse(at, row, scale, tangent), np.zeros(y.size), np.inf
     for iteration in range(found.iterations + 1, found.iterations + FEW + 1):
         right[:-1] = curve.residual(y)
         step = inverse.step(right)
         error = _length(step / scale)
-        if error <= options.tol:
+        moved = iteration > found.iterations + 1
+        if error <= (options.tol if moved else SURELY * options.tol):
             terms = max(curve.term_size(y), curve.term_size(guess), TINY)
             settled = dataclasses.replace(found, y=y, iterations=iteration, error=error)
             return _balanced(settled, float(np.abs(right).max()) / terms)

@@ -83,7 +83,7 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
     unit = np.zeros(guess.size)
     unit[-1] = 1.0
     tangent = factors.solve(unit)
-    correction = settle(curve, rough, guess, row, options, (factors, tangent))
+    correction = settle(curve, rough, guess, row, options, factors, tangent)
     if not correction.converged:
         return None
     y = correction.y
