@@ -31,7 +31,7 @@ LOST, NEARLY_LOST = 1e-4, 1e-2
 BESIDE = 0.5
 """A fold nearer to a branch point than this part of the step is the turn of the branch there."""
 THERE = 1e-3
-"""A fold that lies within this part of the step of a branch point is that point, however its tangents came out."""
+"""A point of the branch within this part of the step of a branch point has a tangent that is not worth its name."""
 STEADY = 1e-11
 """A tangent's parameter component below this has no sign that can be trusted."""
 
@@ -206,13 +206,11 @@ def _fold(
         return bool(np.linalg.norm((y - other) / scale) <= part * length)
 
     turn = crossing.y if crossing is not None and abs(crossing.null[-1]) / scale[-1] > STATIONARY else None
-    if turn is not None and near(guess, turn, BESIDE):
+    if turn is not None and (near(guess, turn, BESIDE) or near(after.y, turn, THERE) or near(before.y, turn, THERE)):
         return None
     found = fold_by_newton(problem, curve.unknowns.coefficients(guess), curve.values(guess), name, Newton(), along)
     y = curve.unknowns.joined(found.x, [found.value])
     located = found.converged and near(y, guess, 1.0)
-    if turn is not None and located and near(y, turn, THERE):
-        return None
     ratio, part = _kernel(curve, y if located else guess)
     if part > STATIONARY and ratio < (LOST if found.by_newton and located else NEARLY_LOST):
         return None
