@@ -204,7 +204,7 @@ def identify(
 
 
 class _Trial(NamedTuple):
-    """A fit with its error, whether its poles cancel, and what noise and Schwarz criterion are if all error is noise."""
+    """A fit with its error, whether its poles cancel, and noise and Schwarz's criterion if all error is noise."""
 
     fit: PoleFit
     error: float
