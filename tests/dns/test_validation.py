@@ -26,8 +26,8 @@ DATA = CAMPAIGN.parent / "results"
 # vortex shedding:
 # C. Liu, X. Zheng, C. H. Sung, J. Comput. Phys. 139 (1998) 35-57, doi:10.1006/jcph.1997.5859;
 # C. H. K. Williamson, Phys. Fluids 31 (1988) 2742-2744 (its frequency).
-# The lift amplitude at Re = 200 spreads more than all else; docs/dns.md has the values with their methods, and says that
-# they are quoted from memory of later comparison tables. The ends of the range are
+# The lift amplitude at Re = 200 spreads more than all else; docs/dns.md has the values with their methods. They are
+# quoted from memory of later comparison tables. The ends of the range are
 # A. Belov, L. Martinelli, A. Jameson, AIAA 95-0049 (1995): .64, body-fitted finite volumes;
 # J.-I. Choi, R. C. Oberoi, J. R. Edwards, J. A. Rosati, J. Comput. Phys. 224 (2007) 757-784: .64, immersed boundary;
 # M. Braza, P. Chassaing, H. Ha Minh, J. Fluid Mech. 165 (1986) 79-130, doi:10.1017/S0022112086003014: .75, body-fitted
@@ -45,12 +45,7 @@ RANGES = {
 
 @pytest.mark.parametrize(
     ("case", "name"),
-    [
-        (case, name)
-        for case, ranges in RANGES.items()
-        for name in ranges
-        if (DATA / f"{case}.json").exists()
-    ],
+    [(case, name) for case, ranges in RANGES.items() for name in ranges if (DATA / f"{case}.json").exists()],
 )
 def test_kept_results_lie_in_the_published_ranges(case: str, name: str) -> None:
     result = json.loads((DATA / f"{case}.json").read_text())
