@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from hbnlp.balance.outputs import alike_outputs
+from hbnlp.balance.output_groups import alike_outputs
 from hbnlp.balance.sampling import Sampling
 from hbnlp.core.kept import built_once
 from hbnlp.fourier import FourierBasis, differentiation, n_coefficients
@@ -77,7 +77,8 @@ class Symbols:
         return self.symbol("omega") / self._sampling.periods
 
     def _sampled(self, basis: FourierBasis, *signals: ca.MX) -> list[ca.MX]:
-        return [(ca.DM(basis.sampling) @ each).T for each in signals]
+        sampling = ca.DM(basis.sampling)
+        return [(sampling @ each).T for each in signals]
 
     def _phases_and_parameters(self, basis: FourierBasis) -> tuple[ca.DM, ca.MX]:
         return ca.DM(self._sampling.periods * basis.theta[None, :]), ca.repmat(self.p, 1, basis.n_samples)

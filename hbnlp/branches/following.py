@@ -87,7 +87,8 @@ def follow(
         _span_around(given, value, each, problem.system.parameters)
         for given, value, each in zip((limits, span), place, (own, name), strict=True)
     ]
-    curve, y = _fold_on_its_curve(along_folds(problem, values, own, name), point, place)
+    x = problem.vector(point.solution.coefficients)
+    curve, y = _fold_on_its_curve(along_folds(problem, x, values, own, name, spans=spans), point, place)
     options = method or PseudoArclength(angle=5.0, max_points=3000)
     others = {k: v for k, v in point.solution.parameters.items() if k not in (own, name)}
     back, ahead = _Side(points=[y]), _Side(points=[y])
@@ -216,10 +217,10 @@ def _is_centre(curve: Equations, y: Array) -> bool:
     assert name is not None
     along_first = along_parameter(problem, values, name)
     point = along_first.point(curve.coefficients(y), float(curve.unknowns.scalars(y)[0]))
-    full = np.zeros((n, n + 1))
+    full, scale = np.zeros((n, n + 1)), along_first.scale(point)
     along_first.jacobian(point, full)
-    left, _, right = np.linalg.svd(full)
-    w, plane = left[:, -1], right[-2:]
+    left, _, right = np.linalg.svd(full * scale)
+    w, plane = left[:, -1], right[-2:] * scale
     function = _second_derivative(problem, name)
 
     def quadratic(direction: Array) -> float:

@@ -15,6 +15,7 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.ipopt import Ipopt, minimise
 from hbnlp.solutions.rootfinder import Rootfinder
+from hbnlp.solutions.sizes import sizes_at
 from hbnlp.solutions.solution import Solution, make_solution
 
 ROUGH = "at the motion that is found"
@@ -63,8 +64,9 @@ def _by_newton(problem: HarmonicBalance, guess: Array, values: Array, method: Ne
 
 
 def _by_rootfinder(problem: HarmonicBalance, guess: Array, values: Array, method: Rootfinder) -> Correction:
-    solver, curve = method.solver(problem), along_load(problem, values)
-    x = solver(guess, values).full().ravel()
+    sizes, curve = sizes_at(problem, guess, values), along_load(problem, values)
+    solver = method.solver(problem, sizes)
+    x = sizes.length * solver(guess / sizes.length, values).full().ravel()
     statistics = solver.stats()
     with np.errstate(all="ignore"):
         residual = relative_residual(curve, curve.unknowns.joined(x, [1.0]))

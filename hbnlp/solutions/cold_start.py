@@ -62,7 +62,7 @@ def cold_start(problem: HarmonicBalance, values: Array, method: Method) -> Solut
     try:
         starts = _from_linear(problem, values, method, linear_guess(problem, values))
     except NonFiniteError as error:
-        singular, starts = error, _beside_rest(problem, method)
+        singular, starts = error, _beside_rest(problem, values, method)
     failed: list[Solution] = []
     for guess, by, start in starts:
         solution = attempt(problem, values, guess, by, start=start)
@@ -96,12 +96,22 @@ def _from_linear(
     yield linear + load, Ipopt(), "a shifted linear response"
 
 
-def _beside_rest(problem: HarmonicBalance, method: Method) -> Iterator[tuple[Array, Method, str]]:
-    """Yield guesses as `_from_linear` does, for a force that is singular at rest."""
-    near = np.full(problem.size, 1e-3)
+def _beside_rest(problem: HarmonicBalance, values: Array, method: Method) -> Iterator[tuple[Array, Method, str]]:
+    """Yield guesses as `_from_linear` does, for a force that is singular at rest.
+
+    The first has all harmonics, as a force of the velocity alone needs; then come means, to both sides: of a force
+    between two parts that attract or repel each other, rest lies somewhere on one.
+    """
+    load, unit = float(np.max(np.abs(problem.assembly.load_derivative(values)))), np.ones(problem.size)
+    length = load / problem.assembly.linear.term_size(unit.reshape(problem.shape), values) or 1.0
+    near = 1e-3 * length * unit
     yield near, method, "near rest"
-    if isinstance(method, Newton):
-        yield near, Ipopt(), "near rest"
+    if not isinstance(method, Newton):
+        return
+    mean = np.zeros(problem.shape)
+    for mean[:, 0] in (length * size * sign for size in (1.0, 1e2, 1e-2) for sign in (1.0, -1.0)):
+        yield mean.ravel().copy(), method, "a mean beside rest"
+    yield near, Ipopt(), "near rest"
 
 
 def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array | None:

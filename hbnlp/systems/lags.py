@@ -48,6 +48,10 @@ class Lags:
         """Return ``1 / (s - pole)``, (len(s), m): the factors of the residues."""
         return np.asarray(1.0 / (s[:, None] - self.poles))
 
+    def states(self, s: ComplexArray, accelerations: ComplexArray) -> ComplexArray:
+        """Return the amplitudes x (m, len(s)) for those of ``s^2 [q; u]``, (n + n_u, len(s))."""
+        return np.asarray(self.vectors @ (self.weights(s).T * (self._inputs @ accelerations)))
+
 
 def periodic_lag_states(system: System, s: ComplexArray, drive: ComplexArray) -> Array:
     """Return x(0) of ``x' = A x + sum_h drive_h exp(s_h t)``, drive (n_harmonics, m)."""

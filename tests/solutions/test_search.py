@@ -133,7 +133,8 @@ def test_a_start_that_takes_too_many_samples_does_not_end_the_search():
     values = problem.values({"omega": 2.0})
     far = linear_guess(problem, values)
     reached = attempt(problem, values, far, Newton(), start="far")
-    assert not reached.converged and "samples a period would be needed for the force" in reached.statistics["reason"]
+    assert not reached.converged
+    assert "samples a period would be needed for the force" in reached.statistics["reason"]
     motions = _Motions(problem, values, Search())
     motions.polish(far, "far")
     assert motions.found == []
