@@ -5,6 +5,7 @@ turn. Run it from the root of the repository::
 
     python benchmarks/cost.py            # the table
     python benchmarks/cost.py --growth   # growth with degrees of freedom, harmonics and lag states as well
+    python benchmarks/cost.py --many     # many harmonics, with the peak memory (Unix)
 """
 
 import os
@@ -160,7 +161,45 @@ def growth() -> None:
         row("exponent", "", f"{slopes[0]:.2f}", f"{slopes[1]:.2f}")
 
 
+def many_harmonics() -> None:
+    """Print what many harmonics take: a first solution, its multipliers, a point of a branch, memory until then."""
+    import resource  # noqa: PLC0415 (of Unix)
+
+    unit = 1.0 if sys.platform == "darwin" else 1024.0
+    short = hbnlp.PseudoArclength(max_points=8)
+    row("case", "unknowns", "solution CPU s", "multipliers s", "ms a point", "LUs a point", "peak MB")
+    for name, make, count, at in (
+        ("Duffing", hbnlp.systems.duffing, 31, 1.6),
+        ("Duffing", hbnlp.systems.duffing, 101, 1.6),
+        ("ten-mass chain", hbnlp.systems.chain, 31, 2.4),
+        ("Duffing", hbnlp.systems.duffing, 301, 1.6),
+        ("ten-mass chain", hbnlp.systems.chain, 101, 2.4),
+    ):
+        times = [time.process_time()]
+        problem = hbnlp.HarmonicBalance(make(), n_harmonics=count)
+        solution = hbnlp.solve(problem, at={"omega": at})
+        times.append(time.process_time())
+        hbnlp.floquet(solution)
+        times.append(time.process_time())
+        branch = hbnlp.trace(solution, "omega", (at, 0.8 * at), stability=None, method=short)
+        times.append(time.process_time())
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+        first, stability, trace = np.diff(times)
+        bound = lu_seconds(problem.size + 1)
+        row(
+            f"{name}, H = {count}",
+            f"{problem.size}",
+            f"{first:.2f}",
+            f"{stability:.2f}",
+            f"{1e3 * trace / len(branch):.1f}",
+            f"{trace / len(branch) / bound:.1f}",
+            f"{peak:.0f}",
+        )
+
+
 if __name__ == "__main__":
+    if "--many" in sys.argv[1:]:  # first: a peak is that of the whole run
+        many_harmonics()
     table()
     if "--growth" in sys.argv[1:]:
         growth()

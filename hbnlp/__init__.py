@@ -22,6 +22,7 @@ from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Autosave, Progress, ProgressBar, StopTracing
 from hbnlp.core.errors import (
+    AliasingWarning,
     ConvergenceError,
     HbnlpError,
     LinearInstabilityWarning,
@@ -59,6 +60,7 @@ __version__ = version("hbnlp")
 __all__ = [
     "Adaptive",
     "AeroROM",
+    "AliasingWarning",
     "Autosave",
     "Branch",
     "ConvergenceError",

@@ -12,9 +12,13 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import fft
 
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array, ComplexArray
+
+LARGEST_MATRIX = 80_000
+"""Entries up to which a product with a basis' matrix is quicker than a transform: H = 100 with 4 H + 1 samples."""
 
 
 def n_coefficients(n_harmonics: int) -> int:
@@ -36,8 +40,18 @@ def basis_derivatives(theta: ArrayLike, n_harmonics: int, order: int = 1) -> Arr
     """Return the ``order``-th derivatives of the basis functions by phase: array (len(theta), 2H+1)."""
     values = basis_values(theta, n_harmonics)
     for _ in range(order):
-        values = values @ differentiation(n_harmonics)
+        # differentiation is antisymmetric: on basis functions it has the other sign than on coefficients
+        values = -differentiated(values)
     return values
+
+
+def differentiated(coefficients: Array) -> Array:
+    """Return the coefficients (..., 2H+1) of the derivative by phase."""
+    orders = np.arange(1, (coefficients.shape[-1] + 1) // 2)
+    result = np.zeros_like(coefficients)
+    np.multiply(orders, coefficients[..., 2::2], out=result[..., 1::2])
+    np.multiply(-orders, coefficients[..., 1::2], out=result[..., 2::2])
+    return result
 
 
 def differentiation(n_harmonics: int) -> Array:
@@ -123,12 +137,16 @@ class FourierBasis(FieldsAlone):
     @cached_property
     def sampling(self) -> Array:
         """Matrix (n_samples, 2H+1) from coefficients to samples."""
-        return basis_values(self.theta, self.n_harmonics)
+        values = np.ones((self.n_samples, n_coefficients(self.n_harmonics)))
+        # h theta within one period: of large phases sine and cosine would lose digits
+        turns = np.multiply.outer(np.arange(self.n_samples), np.arange(1, self.n_harmonics + 1)) % self.n_samples
+        values[:, 1::2], values[:, 2::2] = np.cos(self.theta)[turns], np.sin(self.theta)[turns]
+        return values
 
     @cached_property
     def derivative_sampling(self) -> Array:
         """Matrix (n_samples, 2H+1) from coefficients to samples of the derivative by phase."""
-        return basis_derivatives(self.theta, self.n_harmonics)
+        return -differentiated(self.sampling)
 
     @cached_property
     def projection(self) -> Array:
@@ -136,3 +154,24 @@ class FourierBasis(FieldsAlone):
         matrix = 2.0 / self.n_samples * self.sampling.T
         matrix[0] *= 0.5
         return matrix
+
+    def sampled(self, coefficients: Array) -> Array:
+        """Return the samples (..., n_samples) of signals given by coefficients (..., 2H+1)."""
+        if self.is_small:
+            return np.asarray(coefficients @ self.sampling.T)
+        spectrum = 0.5 * to_complex(coefficients)
+        spectrum[..., 0] *= 2.0
+        return np.asarray(fft.irfft(spectrum, self.n_samples, norm="forward"))
+
+    def projected(self, samples: Array) -> Array:
+        """Return the coefficients (..., 2H+1) of samples (..., n_samples)."""
+        if self.is_small:
+            return np.asarray(samples @ self.projection.T)
+        amplitudes = 2.0 * fft.rfft(samples, norm="forward")[..., : self.n_harmonics + 1]
+        amplitudes[..., 0] *= 0.5
+        return to_real(amplitudes)
+
+    @cached_property
+    def is_small(self) -> bool:
+        """Whether its matrices are quicker than a fast Fourier transform."""
+        return self.n_samples * n_coefficients(self.n_harmonics) <= LARGEST_MATRIX

@@ -10,6 +10,7 @@ from hbnlp.fourier import (
     FourierBasis,
     basis_derivatives,
     basis_values,
+    differentiated,
     differentiation,
     n_coefficients,
     resize,
@@ -199,3 +200,13 @@ def test_coefficients_of_many_signals_keep_their_leading_axes():
     assert shift(a, 1.0).shape == a.shape
     assert resize(a, 4).shape == (2, 3, 9)
     np.testing.assert_array_equal(to_real(to_complex(a)), a)
+
+
+@pytest.mark.parametrize(("n_harmonics", "n_samples"), [(3, 7), (3, 8), (60, 121), (100, 401), (150, 301), (150, 302)])
+def test_signals_are_sampled_and_projected_alike_by_matrices_and_by_transforms(n_harmonics, n_samples):
+    basis, rng = FourierBasis(n_harmonics, n_samples), np.random.default_rng(0)
+    assert basis.is_small is (n_harmonics < 100)
+    a, samples = rng.normal(size=(2, 3, 2 * n_harmonics + 1)), rng.normal(size=(2, 3, n_samples))
+    np.testing.assert_allclose(basis.sampled(a), a @ basis.sampling.T, atol=1e-13)
+    np.testing.assert_allclose(basis.projected(samples), samples @ basis.projection.T, atol=1e-14)
+    np.testing.assert_array_equal(differentiated(a), a @ differentiation(n_harmonics).T)

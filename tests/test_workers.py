@@ -85,7 +85,7 @@ def verbs(problem):
     program = hbnlp.design.Program(variables, [response], objective=response(problem.amplitude_squared("x")))
 
     def solution(i, **options):
-        return hbnlp.solve(problem, at={"omega": 0.8 + 0.1 * i}, **options)
+        return hbnlp.solve(problem, at={"omega": 0.8 + 0.07 * i}, **options)
 
     return {
         "solve": lambda i: solution(i).coefficients,

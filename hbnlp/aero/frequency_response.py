@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from hbnlp.aero.arrays import check_finite
@@ -18,6 +19,12 @@ from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
 _KIND = "FrequencyResponse"
+
+DIP = 0.1
+"""A column smaller than this part of what it is at the frequencies around counts as that part."""
+
+NOTHING = 1e-12
+"""A column smaller than this part of the largest at the same frequency is rounding, and counts as that part."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -107,8 +114,26 @@ class FrequencyResponse(ReadOnlyArrays):
             )
         return replace(self, omega=self.omega[inside], values=self.values[inside])
 
+    @property
+    def column_sizes(self) -> Array:
+        """What errors of the columns are relative to, (m, N+2): their norms over the loads, never zero.
+
+        A column may vanish, at one frequency or at all of them. Where it is below a tenth of its median over five
+        neighbouring frequencies or below 1e-12 of the largest column there, that tenth or that part takes the norm's
+        place, and its largest norm where it is zero over a stretch. A response that is zero throughout has the size 1.
+        """
+        norms = np.linalg.norm(self.values, axis=1)
+        # beyond the ends: what is known below, and nothing above, so that what grows is not a dip
+        below, above = np.linalg.norm(self.static, axis=0), np.full(norms.shape[1], np.inf)
+        around = np.median(sliding_window_view(np.stack([below, below, *norms, above, above]), 5, axis=0), axis=-1)
+        around = np.where(np.isfinite(around), around, 0.0)
+        sizes = np.maximum(norms, DIP * around)
+        sizes = np.where(sizes > 0.0, sizes, norms.max(axis=0))
+        sizes = np.maximum(sizes, NOTHING * sizes.max(axis=1, keepdims=True))
+        return np.where(sizes > 0.0, sizes, 1.0)
+
     def column_errors(self, other: ArrayLike) -> Array:
-        """Return the relative error of every column, ``|other - values| / |values|`` over its loads, (m, N+2).
+        """Return the relative error of every column, ``|other - values|`` over its loads by `column_sizes`, (m, N+2).
 
         Parameters
         ----------
@@ -118,7 +143,7 @@ class FrequencyResponse(ReadOnlyArrays):
         other = np.asarray(other, dtype=complex)
         if other.shape != self.values.shape:
             raise ValueError(f"other has shape {other.shape}; {self.values.shape} is needed")
-        errors: Array = np.linalg.norm(other - self.values, axis=1) / np.linalg.norm(self.values, axis=1)
+        errors: Array = np.linalg.norm(other - self.values, axis=1) / self.column_sizes
         return errors
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -231,15 +231,18 @@ class AeroROM(ReadOnlyArrays):
     def to_statespace(self) -> control.StateSpace:
         """Return the ROM as a ``control.StateSpace`` from accelerations: input u'', states [u, u', x], output y.
 
-        Its transfer function is G(s)/s^2. Base motion, base load and provenance have no place there: the output is
-        y - y_b + K u_b. The way back, `from_statespace`, gives the same arrays bit for bit.
+        Its transfer function is G(s)/s^2 and its output y - y_b + K u_b. Base motion, base load and provenance have no
+        place in its matrices; its attribute ``aero_rom`` is this ROM, so that the way back, `from_statespace`, gives
+        an equal one, provenance included. Systems that python-control makes of it have no such attribute.
 
         Raises
         ------
         ImportError
             If the package ``control`` is not installed (extra ``hbnlp[control]``).
         """
-        return statespace.pack(**{name: getattr(self, name) for name in MATRICES})
+        system = statespace.pack(**{name: getattr(self, name) for name in MATRICES})
+        system.aero_rom = self
+        return system
 
     @classmethod
     def from_statespace(
@@ -257,7 +260,9 @@ class AeroROM(ReadOnlyArrays):
         system : control.StateSpace
             In continuous time and in the form that `to_statespace` gives; another basis of the lag states is allowed.
         base_motion, base_load, provenance
-            As in `AeroROM`.
+            As in `AeroROM`. By default those of the ROM from which `to_statespace` made this very system; where its
+            matrices are others, zero and a provenance that names the system, for what was known of a ROM does not hold
+            for another one.
 
         Raises
         ------
@@ -267,6 +272,15 @@ class AeroROM(ReadOnlyArrays):
             If it is no state-space system.
         """
         matrices = statespace.unpack(system)
+        origin = getattr(system, "aero_rom", None)
+        if isinstance(origin, AeroROM) and all(
+            np.array_equal(getattr(origin, name), matrices[name]) for name in MATRICES
+        ):
+            base_motion = origin.base_motion if base_motion is None else base_motion
+            base_load = origin.base_load if base_load is None else base_load
+            provenance = origin.provenance if provenance is None else provenance
+        elif provenance is None:
+            provenance = Provenance(source=f"control.StateSpace {system.name!r}")
         return cls(**matrices, base_motion=base_motion, base_load=base_load, provenance=provenance)
 
     def __eq__(self, other: object) -> bool:

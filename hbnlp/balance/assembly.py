@@ -1,20 +1,20 @@
 """Fast numbers for the harmonic-balance residual: the equations of `problem`, assembled harmonic by harmonic in numpy.
 
 Automatic differentiation through the whole alternating frequency/time residual wastes most of its time. Here CasADi
-differentiates the force at one sample, exactly; the compiled derivative is mapped over the samples, and constant
-matrices project it onto the harmonics. The linear part comes from `linear_terms`.
+differentiates the force at one sample, exactly; the compiled derivative is mapped over the samples, and what it does
+to the harmonics comes from `multiplication`. The linear part comes from `linear_terms`.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from hbnlp.balance.linear_terms import LinearBalance
+from hbnlp.balance.multiplication import Multiplication
 from hbnlp.balance.sampled_force import SampledForce
 from hbnlp.balance.sampling import Sampling
 from hbnlp.core.types import Array
+from hbnlp.fourier import n_coefficients
 from hbnlp.systems.system import System
 
 
@@ -28,10 +28,10 @@ class Assembly:
     def __init__(self, system: System, sampling: Sampling) -> None:
         self.linear = LinearBalance(system, sampling)
         self.force = SampledForce(system, sampling.force, sampling.periods) if system.is_nonlinear else None
-        self._basis = sampling.force
-        self._projection = self._basis.projection
-        self._places = system.compiled_force.places_q, system.compiled_force.places_v
-        self._shape = (system.n_dof, self._projection.shape[0])
+        self._basis, force = sampling.force, system.compiled_force
+        self._by_q = Multiplication(self._basis, force.places_q)
+        self._by_r = Multiplication(self._basis, force.places_v, derivative=True)
+        self._shape = (system.n_dof, n_coefficients(sampling.n_harmonics))
         self.size = self._shape[0] * self._shape[1]
 
     def residual(self, x: Array, values: Array, load: float = 1.0) -> Array:
@@ -39,7 +39,7 @@ class Assembly:
         coefficients = x.reshape(self._shape)
         result = self.linear.residual(coefficients, values, load)
         if self.force:
-            result += (self._projection @ self.force.value(coefficients, values)).T
+            result += self._basis.projected(self.force.value(coefficients, values).T)
         return result.reshape(-1)
 
     def jacobian(self, x: Array, values: Array, out: Array | None = None) -> Array:
@@ -55,7 +55,7 @@ class Assembly:
         coefficients = x.reshape(self._shape)
         result = self.linear.residual_slope(coefficients, values, index, load)
         if self.force and self.force.depends_on(index):
-            result += (self._projection @ self.force.along(coefficients, values, index)).T
+            result += self._basis.projected(self.force.along(coefficients, values, index).T)
         return result.reshape(-1)
 
     def load_derivative(self, values: Array) -> Array:
@@ -76,23 +76,8 @@ class Assembly:
         """Return the size of the terms that R balances: the largest entry of its linear terms and excitation."""
         return self.linear.term_size(x.reshape(self._shape), values)
 
-    @cached_property
-    def _products(self) -> tuple[Array, Array]:
-        """Constant maps (n_samples, L * L) from samples of a derivative to its block of the Jacobian."""
-        projection = self._basis.projection.T[:, :, None]
-        size = self._shape[1] ** 2
-        return (
-            (projection * self._basis.sampling[:, None, :]).reshape(-1, size),
-            (projection * self._basis.derivative_sampling[:, None, :]).reshape(-1, size),
-        )
-
     def _add_force(self, out: Array, by_q: Array, by_r: Array) -> None:
-        n, size = self._shape
         matrix = out.view()
         matrix.shape = (*self._shape, *self._shape)  # unlike reshape, this never copies
-        for samples, products, (rows, columns) in zip((by_q, by_r), self._products, self._places, strict=True):
-            if rows.size == n**2:
-                # entries come column by column: (column, row, L, L) to (row, L, column, L)
-                matrix += (samples.T @ products).reshape(n, n, size, size).transpose(1, 2, 0, 3)
-            elif rows.size:
-                matrix[rows, :, columns, :] += (samples.T @ products).reshape(-1, size, size)
+        self._by_q.add(matrix, by_q)
+        self._by_r.add(matrix, by_r)

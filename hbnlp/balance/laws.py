@@ -13,6 +13,7 @@ from hbnlp.balance.sampling import Sampling
 from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array
 from hbnlp.systems.lags import Lags
+from hbnlp.systems.signals import excitation_signals
 from hbnlp.systems.system import System
 
 
@@ -31,55 +32,44 @@ class Laws(NamedTuple):
 
 
 class CompiledLaws:
-    """The laws of a system as compiled functions of its parameters; harmonics of forcing and motion from samples."""
+    """The laws of a system as compiled functions of its parameters, and the harmonics of forcing and motion."""
 
     def __init__(self, system: System, sampling: Sampling) -> None:
         self._system = system
-        self._basis, self._tau = sampling.excitation, sampling.periods * sampling.excitation.theta[None, :]
+        self._sampling = sampling
+        self._signals = excitation_signals(system)
         self._expressions = [system.mass, system.damping, system.stiffness, system.lag_output]
         self._expressions += [system.input_stiffness, system.input_damping, system.input_mass]
-        self._signals = [system.forcing, system.motion]
-        everything, omega = [*self._expressions, *self._signals], system.parameters.index("omega")
+        everything = [*self._expressions, system.forcing, system.motion]
+        omega = system.parameters.index("omega")
         self.followed = np.arange(len(system.parameters.names)) != omega
         """Which parameters the laws are taken to depend on: all but omega, on which they seldom do."""
         self.followed[omega] = any(ca.depends_on(e, system.p[omega]) for e in everything)
 
     def at(self, values: Array) -> Laws:
         """Return the laws at parameter values."""
-        forcing, motion = self._signal_function(self._tau, self._repeated(values))
+        own = self._sampling.n_harmonics_of_excitation
         matrices = [e.full() for e in self._system.matrices(values)]
-        return Laws._make([*matrices, self._coefficients(forcing), self._coefficients(motion)])
+        signals = [self._sampling.over_periods(each.coefficients(values, own)) for each in self._signals]
+        return Laws._make([*matrices, *signals])
 
     def slope(self, values: Array, index: int) -> Laws:
         """Return their derivatives by one parameter."""
-        matrix_slopes, signal_slopes = self._slope_functions
+        own = self._sampling.n_harmonics_of_excitation
         unit = (np.arange(values.size) == index).astype(float)
-        forcing, motion = signal_slopes(self._tau, self._repeated(values), self._repeated(unit))
-        matrices = [e.full() for e in matrix_slopes(values, unit)]
-        return Laws._make([*matrices, self._coefficients(forcing), self._coefficients(motion)])
+        matrices = [e.full() for e in self._matrix_slopes(values, unit)]
+        signals = [self._sampling.over_periods(each.slope(values, index, own)) for each in self._signals]
+        return Laws._make([*matrices, *signals])
 
     @built_once
-    def _signal_function(self) -> ca.Function:
-        signals = ca.Function("signals", [self._system.tau, self._system.p], [ca.densify(e) for e in self._signals])
-        return signals.map(self._basis.n_samples)
-
-    @built_once
-    def _slope_functions(self) -> tuple[ca.Function, ca.Function]:
+    def _matrix_slopes(self) -> ca.Function:
         p, direction = self._system.p, ca.SX.sym("direction", self._system.p.numel())
 
         def along(expression: ca.SX) -> ca.SX:
             slope = ca.jtimes(ca.vec(ca.densify(expression)), p, direction)
             return ca.densify(ca.reshape(slope, *expression.shape))
 
-        matrices = ca.Function("matrices_along", [p, direction], [along(e) for e in self._expressions])
-        signals = ca.Function("signals_along", [self._system.tau, p, direction], [along(e) for e in self._signals])
-        return matrices, signals.map(self._basis.n_samples)
-
-    def _repeated(self, column: Array) -> Array:
-        return np.repeat(column[:, None], self._basis.n_samples, axis=1)
-
-    def _coefficients(self, samples: ca.DM) -> Array:
-        return np.asarray(samples.full() @ self._basis.projection.T)
+        return ca.Function("matrices_along", [p, direction], [along(e) for e in self._expressions])
 
 
 class LawsAt:

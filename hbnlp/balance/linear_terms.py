@@ -18,7 +18,7 @@ from hbnlp.balance.pattern import Pattern
 from hbnlp.balance.sampling import Sampling
 from hbnlp.core.native import PerThread
 from hbnlp.core.types import Array, ComplexArray
-from hbnlp.fourier import differentiation
+from hbnlp.fourier import to_complex
 from hbnlp.systems.lags import Lags
 from hbnlp.systems.system import System
 
@@ -57,6 +57,16 @@ class LinearBalance:
         """Return the coefficients (n, L) of forcing and prescribed motion, through their lag states, too."""
         return self._at(values).excitation
 
+    def lag_states(self, coefficients: Array, values: Array) -> Array:
+        """Return the coefficients (m, L) of the lag states."""
+        at, lags = self._at(values), self._operators.lags
+        result = np.zeros((lags.n_lags, coefficients.shape[1]))
+        if lags.n_lags:
+            signals = to_complex(np.vstack([coefficients, at.law.motion]))[:, 1:]
+            amplitudes = lags.states(at.s, at.s**2 * signals)
+            result[:, 1::2], result[:, 2::2] = amplitudes.real, -amplitudes.imag
+        return result
+
     def term_size(self, coefficients: Array, values: Array) -> float:
         """Return the size of the terms that the residual balances: their largest entry."""
         at = self._at(values)
@@ -68,7 +78,7 @@ class LinearBalance:
         at, by = self._at(values), self._operators
         (n, n_inputs), law, rate = self._shape, at.law, at.rate
         result, load_slope = np.zeros(coefficients.shape), np.zeros(coefficients.shape)
-        first, second = coefficients @ by.first.T, coefficients @ by.second.T
+        first, second = by.first(coefficients), by.second(coefficients)
         slope = at.of_laws.slope(index) if self._compiled.followed[index] else None
         if slope is not None:
             result += slope.stiffness @ coefficients + rate * (slope.damping @ first) + rate**2 * (slope.mass @ second)
@@ -78,7 +88,7 @@ class LinearBalance:
         if index == self._omega:
             result += ((1.0 / by.periods) * law.damping) @ first + ((2.0 * rate / by.periods) * law.mass) @ second
             if n_inputs:
-                turned, twice = law.motion @ by.first.T, law.motion @ by.second.T
+                turned, twice = by.first(law.motion), by.second(law.motion)
                 load_slope += (law.input_damping @ turned + 2.0 * rate * (law.input_mass @ twice)) / by.periods
         if by.lags.n_lags:
             transfer = self._transfer_slope(at, index)
@@ -134,29 +144,37 @@ class LinearBalance:
 
 
 class Operators:
-    """The constant matrices that act on coefficients: derivatives by phase, amplitudes of harmonics, lag states."""
+    """What acts on coefficients, whatever the parameters: derivatives by phase and lag states."""
 
     def __init__(self, system: System, sampling: Sampling) -> None:
-        n_harmonics, self.periods = sampling.n_harmonics, sampling.periods
+        h, self.periods = np.arange(1, sampling.n_harmonics + 1), sampling.periods
         self.lags = Lags(system.lag_state, system.lag_input, system.lag_motion)
-        self.first = differentiation(n_harmonics)
-        self.second = self.first @ self.first
-        self.orders = 1j * np.arange(1, n_harmonics + 1) / self.periods
-        # coefficients to amplitudes a - i b of the harmonics h >= 1, and back as a real part
-        h = np.arange(n_harmonics)
-        self._to_amplitudes = np.zeros((self.first.shape[0], n_harmonics), dtype=complex)
-        self._to_amplitudes[2 * h + 1, h], self._to_amplitudes[2 * h + 2, h] = 1.0, -1j
-        self._to_coefficients = self._to_amplitudes.conj().T
+        self.orders = 1j * h / self.periods
+        # a derivative by phase exchanges cosine and sine of a harmonic
+        self._exchanged = np.append(0, np.stack([2 * h, 2 * h - 1], axis=1))
+        self._slopes = np.append(0.0, np.stack([h, -h], axis=1))
+        self._curvatures = -np.append(0.0, np.repeat(h, 2) ** 2)
+
+    def first(self, coefficients: Array) -> Array:
+        """Return the derivative by phase."""
+        return np.asarray(coefficients.take(self._exchanged, axis=1) * self._slopes)
+
+    def second(self, coefficients: Array) -> Array:
+        """Return the second derivative by phase."""
+        return np.asarray(coefficients * self._curvatures)
 
     def motion_load(self, law: Laws, motion: Array, rate: float) -> Array:
         """Return the coefficients of K_u u + D_u u' + M_u u''."""
-        load = law.input_stiffness @ motion + rate * (law.input_damping @ (motion @ self.first.T))
-        return np.asarray(load + rate**2 * (law.input_mass @ (motion @ self.second.T)))
+        load = law.input_stiffness @ motion + rate * (law.input_damping @ self.first(motion))
+        return np.asarray(load + rate**2 * (law.input_mass @ self.second(motion)))
 
     def lagging(self, transfer: ComplexArray, signal: Array) -> Array:
         """Return the coefficients of ``transfer_h signal_h``; there is no static part."""
-        amplitudes = (signal @ self._to_amplitudes).T[..., None]
-        return np.asarray(((transfer @ amplitudes)[..., 0].T @ self._to_coefficients).real)
+        # pairs (cosine, sine) as complex numbers are conjugates of the amplitudes
+        pairs = np.ascontiguousarray(signal[:, 1:]).view(complex)
+        result = np.zeros((transfer.shape[1], signal.shape[1]))
+        result[:, 1:].view(complex)[:] = (transfer.conj() @ pairs.T[..., None])[..., 0].T
+        return result
 
 
 class LinearPoint:
@@ -195,8 +213,8 @@ class LinearPoint:
         """Return the terms of displacements, velocities and accelerations, the lag states among the last."""
         law, by = self.law, self._operators
         elastic = law.stiffness @ coefficients
-        viscous = (self.rate * law.damping) @ (coefficients @ by.first.T)
-        inertial = (self.rate**2 * law.mass) @ (coefficients @ by.second.T)
+        viscous = (self.rate * law.damping) @ by.first(coefficients)
+        inertial = (self.rate**2 * law.mass) @ by.second(coefficients)
         if by.lags.n_lags:
             inertial -= by.lagging(self.transfer[..., : coefficients.shape[0]], coefficients)
         return elastic, viscous, inertial

@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.assembly import Assembly
+from hbnlp.balance.output_groups import warn_of_switches
+from hbnlp.balance.outputs import Outputs
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
-from hbnlp.core.kept import Kept, built_once, by_one_thread
+from hbnlp.core.kept import Kept, built_once
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import n_coefficients, resize, to_complex
@@ -148,7 +150,7 @@ class HarmonicBalance:
 
         Raises
         ------
-        ValueError
+        SamplingError
             If a smooth force would not need that many.
         """
         if self.samples_are_settled:
@@ -225,7 +227,11 @@ class HarmonicBalance:
         return self.x[dof * length : (dof + 1) * length]
 
     def output(self, name: str) -> ca.MX:
-        """Return the coefficients (2H+1,) of a named output as an expression of x and p."""
+        """Return the coefficients (2H+1,) of a named output as an expression of x and p.
+
+        Harmonics of outputs that switch are less exact there than those of solutions and branches: an AliasingWarning.
+        """
+        warn_of_switches(self.system, name)
         return self.symbols.outputs[self.system.output_index(name), :].T
 
     def amplitude_squared(self, name: str, harmonic: int = 1) -> ca.MX:
@@ -234,19 +240,14 @@ class HarmonicBalance:
             raise ValueError(f"harmonic = {harmonic}; 1 to {self.n_harmonics} are retained")
         return ca.sumsqr(self.output(name)[2 * harmonic - 1 : 2 * harmonic + 1])
 
-    @built_once
-    def output_function(self) -> ca.Function:
-        """CasADi function (x, p) -> coefficients (n_outputs, 2H+1) of all outputs."""
-        return ca.Function("outputs", [self.x, self.p], [self.symbols.outputs])
-
     def output_harmonics(self, x: ArrayLike, values: ArrayLike) -> ComplexArray:
         """Return the amplitudes (n_points, n_outputs, H+1) of all outputs at points x (n_points, size)."""
         points, parameters = np.atleast_2d(x), np.atleast_2d(values)
-        count, n_out = points.shape[0], len(self.system.output_names)
-        if n_out == 0:
-            return np.zeros((count, 0, self.n_harmonics + 1), dtype=complex)
-        columns = by_one_thread(self.output_function.map)(count)(points.T, parameters.T).full()
-        return to_complex(columns.reshape(n_out, count, self.shape[1]).transpose(1, 0, 2))
+        return to_complex(self._outputs.coefficients(points.reshape(-1, *self.shape), parameters))
+
+    @built_once
+    def _outputs(self) -> Outputs:
+        return Outputs(self.system, self.sampling, self.assembly.linear)
 
     def __repr__(self) -> str:
         period = f", {self.periods} forcing periods" if self.periods > 1 else ""

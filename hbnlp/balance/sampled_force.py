@@ -7,6 +7,7 @@ functions there, s' their derivatives by phase. The coefficients give ``r = X s'
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Literal
 
 import casadi as ca
@@ -15,7 +16,7 @@ import numpy as np
 from hbnlp.core.kept import Kept
 from hbnlp.core.native import PerThread, bound
 from hbnlp.core.types import Array
-from hbnlp.fourier import FourierBasis
+from hbnlp.fourier import FourierBasis, differentiated
 from hbnlp.systems.system import System
 
 LARGEST_EXPANSION = 50_000
@@ -35,7 +36,7 @@ class SampledForce:
         self._force = system.compiled_force
         self._omega, self._periods = system.parameters.index("omega"), periods
         self._n_q, self._viscous = self._force.places_q[0].size, self._force.places_v[0].size > 0
-        self._phases = np.vstack([basis.sampling, basis.derivative_sampling]) if self._viscous else basis.sampling
+        self._basis = basis
         mapped = _Mapped(system, basis.n_samples)
         self._memory = PerThread(lambda: _Memory(system, periods * basis.theta, mapped))
 
@@ -75,18 +76,33 @@ class SampledForce:
 
     def _at(self, coefficients: Array, values: Array) -> _Memory:
         memory = self._memory()
-        np.matmul(self._phases, coefficients.T, out=memory.state[: len(self._phases)])
+        self._sample(coefficients, memory.state)
         if self._viscous:
             np.multiply(memory.r, self._rate(values), out=memory.v)
         memory.p[:] = values
         return memory
+
+    def _sample(self, coefficients: Array, out: Array) -> None:
+        """Write the samples of signals and, where the force has to do with it, of their derivatives by phase."""
+        if self._basis.is_small:
+            np.matmul(self._matrix, coefficients.T, out=out[: len(self._matrix)])
+            return
+        count = self._basis.n_samples
+        out[:count] = self._basis.sampled(coefficients).T
+        if self._viscous:
+            out[count:] = self._basis.sampled(differentiated(coefficients)).T
+
+    @cached_property
+    def _matrix(self) -> Array:
+        basis = self._basis
+        return np.vstack([basis.sampling, basis.derivative_sampling]) if self._viscous else basis.sampling
 
     def _toward(self, coefficients: Array, values: Array, direction: Array | None, index: int | None) -> _Memory:
         memory = self._at(coefficients, values)
         if direction is None:
             memory.direction[:] = 0.0
         else:
-            np.matmul(self._phases, direction.T, out=memory.direction[: len(self._phases)])
+            self._sample(direction, memory.direction)
         memory.dp[:] = 0.0
         if index is not None:
             memory.dp[:, index] = 1.0

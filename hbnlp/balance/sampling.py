@@ -11,18 +11,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 
-import casadi as ca
 import numpy as np
 
 from hbnlp.core.errors import SamplingError
 from hbnlp.core.sending import FieldsAlone
-from hbnlp.fourier import FourierBasis
-from hbnlp.systems.excitation_samples import excitation_samples
+from hbnlp.core.types import Array
+from hbnlp.fourier import FourierBasis, resize, stretch
+from hbnlp.systems import signals
+from hbnlp.systems.spectrum import Spectrum, spectra
 from hbnlp.systems.system import System
 
 HIGHEST_DEGREE = 9
+OUTPUT_SAMPLES = 2048
+"""Of outputs in a program that are no polynomials of the motion: their harmonics beyond those fold back."""
 MOST_SAMPLES = 8192
-ALIASING_TOL = 1e-9
+ALIASING_TOL = signals.ALIASING_TOL
 """More samples of the force must not move the residual by more than this, relative to its terms."""
 
 
@@ -69,15 +72,22 @@ class Sampling(FieldsAlone):
         """Samples of the force."""
         return FourierBasis(self.n_harmonics, self.n_samples)
 
-    @cached_property
-    def excitation(self) -> FourierBasis:
-        """Samples of forcing and prescribed motion."""
-        return FourierBasis(self.n_harmonics, excitation_samples(self.n_harmonics, self.periods))
+    @property
+    def n_harmonics_of_excitation(self) -> int:
+        """Harmonics of omega that are among those of ``omega / periods``: all that forcing and motion have."""
+        return self.n_harmonics // self.periods
 
-    @cached_property
-    def outputs(self) -> FourierBasis:
-        """Samples of the outputs."""
-        return FourierBasis(self.n_harmonics, max(self.n_samples, 8 * self.n_harmonics + 1))
+    def over_periods(self, coefficients: Array) -> Array:
+        """Return coefficients (..., 2H+1) of a signal given by those over one period of the forcing."""
+        return resize(stretch(coefficients, self.periods), self.n_harmonics)
+
+    def outputs(self, spectrum: Spectrum | None) -> FourierBasis:
+        """Return the samples of outputs: exact for a known spectrum, otherwise what programs take."""
+        least = max(self.n_samples, 8 * self.n_harmonics + 1)
+        if spectrum is None:
+            return FourierBasis(self.n_harmonics, max(least, OUTPUT_SAMPLES))
+        highest = spectrum.degree * self.n_harmonics + self.periods * spectrum.highest
+        return FourierBasis(self.n_harmonics, max(least, self.n_harmonics + highest + 1))
 
     def with_harmonics(self, n_harmonics: int) -> Sampling:
         """Return the policy for another number of harmonics.
@@ -124,49 +134,8 @@ def polynomial_degree(system: System) -> int | None:
     The degree is carried through the operations of the force one by one, so that it holds whatever the units and the
     parameter values: an upper bound (at least 1), exact unless terms cancel. Degrees above 9 count as no polynomial.
     """
-    force = system.compiled_force.value
-    degrees: dict[int, int | None] = {}
-    constants: dict[int, float] = {}
-    highest = 1
-    for k in range(force.n_instructions()):
-        operation = force.instruction_id(k)
-        inputs, outputs = force.instruction_input(k), force.instruction_output(k)
-        if operation == ca.OP_OUTPUT:
-            degree = degrees[inputs[0]]
-            if degree is None:
-                return None
-            highest = max(highest, degree)
-            continue
-        target = outputs[0]
-        constants.pop(target, None)
-        if operation == ca.OP_CONST:
-            degrees[target], constants[target] = 0, force.instruction_constant(k)
-        elif operation == ca.OP_INPUT:
-            # inputs 0 and 1 are q and q', 2 is tau, 3 the parameters
-            degrees[target] = (1, 1, None, 0)[inputs[0]]
-        else:
-            exponent = constants.get(inputs[1]) if len(inputs) > 1 else None
-            degrees[target] = _degree(operation, [degrees[i] for i in inputs], exponent)
-    return highest if highest <= HIGHEST_DEGREE else None
-
-
-def _degree(operation: int, degrees: list[int | None], exponent: float | None) -> int | None:
-    """Return the degree of the result of one operation, None where that is no polynomial."""
-    known = [degree for degree in degrees if degree is not None]
-    if len(known) < len(degrees):
-        return None
-    first, last = (known[0], known[-1]) if known else (0, 0)
-    power = int(exponent) if exponent is not None and exponent >= 0.0 and exponent == int(exponent) else None
-    if max(known, default=0) == 0:
-        degree: int | None = 0
-    elif operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE, ca.OP_ASSIGN):
-        degree = max(known)
-    elif operation == ca.OP_MUL:
-        degree = first + last
-    elif operation == ca.OP_SQ:
-        degree = 2 * first
-    elif operation in (ca.OP_CONSTPOW, ca.OP_POW) and power is not None:
-        degree = power * first
-    else:
-        degree = first if operation == ca.OP_DIV and last == 0 else None
-    return degree
+    # inputs 0 and 1 are q and q', 2 is tau, 3 the parameters
+    entries = spectra(system.compiled_force.value, 2, (0, 1))[0]
+    degrees = [each.degree for each in entries if each is not None and not each.highest]
+    highest = max(degrees, default=0)
+    return max(highest, 1) if len(degrees) == len(entries) and highest <= HIGHEST_DEGREE else None

@@ -5,10 +5,12 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from hbnlp.balance.output_groups import alike_outputs
 from hbnlp.balance.sampling import Sampling
 from hbnlp.core.kept import built_once
 from hbnlp.fourier import FourierBasis, differentiation, n_coefficients
 from hbnlp.systems.lags import Lags
+from hbnlp.systems.signals import excitation_signals
 from hbnlp.systems.system import System
 
 
@@ -53,11 +55,15 @@ class Symbols:
     @built_once
     def outputs(self) -> ca.MX:
         """Coefficients (n_outputs, 2H+1) of all outputs, projected from samples of the signals."""
-        system, basis = self._system, self._sampling.outputs
-        lags = self._lag_states if system.n_lags else ca.MX(self._coefficients.shape[0], 0)
-        signals = self._sampled(basis, *self._motion, lags)
-        samples = system.outputs.map(basis.n_samples)(*signals, *self._phases_and_parameters(basis))
-        return samples @ ca.DM(basis.projection.T)
+        lags = self._lag_states if self._system.n_lags else ca.MX(self._coefficients.shape[0], 0)
+        rows: list[ca.MX] = [ca.MX()] * len(self._system.output_names)
+        for spectrum, indices, function in alike_outputs(self._system):
+            basis = self._sampling.outputs(spectrum)
+            signals = self._sampled(basis, *self._motion, lags)
+            samples = function.map(basis.n_samples)(*signals, *self._phases_and_parameters(basis))
+            for index, row in zip(indices, ca.vertsplit(samples @ ca.DM(basis.projection.T)), strict=True):
+                rows[index] = row
+        return ca.vertcat(*rows) if rows else ca.MX(0, self._coefficients.shape[0])
 
     @built_once
     def _motion(self) -> tuple[ca.MX, ca.MX, ca.MX]:
@@ -71,7 +77,8 @@ class Symbols:
         return self.symbol("omega") / self._sampling.periods
 
     def _sampled(self, basis: FourierBasis, *signals: ca.MX) -> list[ca.MX]:
-        return [(ca.DM(basis.sampling) @ each).T for each in signals]
+        sampling = ca.DM(basis.sampling)
+        return [(sampling @ each).T for each in signals]
 
     def _phases_and_parameters(self, basis: FourierBasis) -> tuple[ca.DM, ca.MX]:
         return ca.DM(self._sampling.periods * basis.theta[None, :]), ca.repmat(self.p, 1, basis.n_samples)
@@ -89,10 +96,15 @@ class Symbols:
     @built_once
     def _excitation(self) -> tuple[ca.MX, ca.MX]:
         """Coefficients (2H+1, n) of the load and (2H+1, m) of B_u u''."""
-        basis = self._sampling.excitation
-        samples = self._system.excitation.map(basis.n_samples)(*self._phases_and_parameters(basis))
-        load, lag_motion = (ca.DM(basis.projection) @ each.T for each in samples)
-        return load, lag_motion
+        own, rate = self._sampling.n_harmonics_of_excitation, self._rate
+        over_periods = ca.DM(self._sampling.over_periods(np.eye(n_coefficients(own))).T)
+        forcing, motion = ((over_periods @ e.symbolic(self.p, own).T) for e in excitation_signals(self._system))
+        by_phase = ca.sparsify(ca.DM(differentiation(self._sampling.n_harmonics)))
+        first = rate * (by_phase @ motion)
+        second = rate * (by_phase @ first)
+        by_motion, by_first, by_second = self._system.matrices(self.p)[4:]
+        load = forcing + motion @ by_motion.T + first @ by_first.T + second @ by_second.T
+        return load, second @ ca.DM(self._system.lag_motion.T)
 
     @built_once
     def _lag_states(self) -> ca.MX:

@@ -12,7 +12,7 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
-from hbnlp.core.checks import counted
+from hbnlp.core.checks import counted, real_number
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.records import AlongParameter, Layout, attributes_of, parts_of
 from hbnlp.core.storage import load_arrays, save_arrays
@@ -120,12 +120,12 @@ class Branch(AlongParameter):
 
         Raises
         ------
-        ValueError
-            If the branch came from a file, without its problem.
+        ValueError, TypeError
+            If the branch came from a file, without its problem, or the value is no finite number.
         ConvergenceError
             If the branch cannot be followed between two of its points.
         """
-        problem = attached(self)
+        problem, value = attached(self), real_number("value", value)
         values = problem.values(self.parameters, but=(self.name,))
         # a branch may begin at rest, where nothing can be measured relative to the solution
         largest = float(np.linalg.norm(self.coefficients, axis=(1, 2)).max(initial=0.0))
@@ -142,7 +142,7 @@ class Branch(AlongParameter):
             if ahead[i] == 0.0:
                 found.append(curve.solution(points[i]))
             elif i + 1 < len(points) and ahead[i] * ahead[i + 1] < 0.0:
-                found.append(solution_between(curve, points[i], points[i + 1], float(value)))
+                found.append(solution_between(curve, points[i], points[i + 1], value))
         return tuple(found)
 
     def of_kind(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import End
+from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations
 from hbnlp.stability.result import FloquetResult
 
@@ -40,10 +42,14 @@ def make_branch(
     message: str,
     refused: int,
     resumed: Branch | None,
+    moved: Traced | None = None,
 ) -> Branch:
-    """Return the branch of all records, those of ``resumed`` first; ``curve`` has what all of them share."""
+    """Return the branch of all records, those of ``resumed`` first; ``curve`` has what all of them share.
+
+    ``moved`` takes the place of the last point of ``resumed``, where that was found anew with more samples.
+    """
     problem, name = curve.problem, curve.name
-    columns = _columns(records, curve)
+    columns = _columns([moved, *records] if moved is not None else records, curve)
     points = tuple(special for record in records for special in record.special_points)
     if resumed is not None and not records:
         columns, points, refused = (
@@ -54,16 +60,17 @@ def make_branch(
     elif resumed is not None:
         shift = float(resumed.arclength[-1])
         columns["arclength"] = columns["arclength"] + shift
+        kept = len(resumed) - (moved is not None)
         for key, column in columns.items():
             old = getattr(resumed, key)
-            columns[key] = None if old is None or column is None else np.concatenate([old, column])
+            columns[key] = None if old is None or column is None else np.concatenate([old[:kept], column])
         points = resumed.special_points + points
         refused += resumed.refused
     return Branch(
         **columns,
         name=name,
         span=span,
-        special_points=points,
+        special_points=tuple(_bracketed(point, columns["parameter"]) for point in points),
         end=end,
         message=message,
         parameters={key: value for key, value in curve.fixed_parameters().items() if key != name},
@@ -74,6 +81,12 @@ def make_branch(
         refused=refused,
         problem=problem,
     )
+
+
+def _bracketed(point: SpecialPoint, parameter: Array) -> SpecialPoint:
+    """Return a special point between the points of the branch as they are in the end."""
+    bracket = float(parameter[point.index]), float(parameter[point.index + 1])
+    return point if point.bracket == bracket else dataclasses.replace(point, bracket=bracket)
 
 
 def _columns(records: Sequence[Traced], curve: Equations) -> dict[str, Any]:

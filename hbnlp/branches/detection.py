@@ -30,6 +30,8 @@ LOST, NEARLY_LOST = 1e-4, 1e-2
 """A singular value below this part of the next one is zero: at a point that is solved for, or near one that is not."""
 BESIDE = 0.5
 """A fold nearer to a branch point than this part of the step is the turn of the branch there."""
+THERE = 1e-3
+"""A point of the branch within this part of the step of a branch point has a tangent that is not worth its name."""
 STEADY = 1e-11
 """A tangent's parameter component below this has no sign that can be trusted."""
 
@@ -203,7 +205,8 @@ def _fold(
     def near(y: Array, other: Array, part: float) -> bool:
         return bool(np.linalg.norm((y - other) / scale) <= part * length)
 
-    if crossing is not None and near(guess, crossing.y, BESIDE) and abs(crossing.null[-1]) / scale[-1] > STATIONARY:
+    turn = crossing.y if crossing is not None and abs(crossing.null[-1]) / scale[-1] > STATIONARY else None
+    if turn is not None and (near(guess, turn, BESIDE) or near(after.y, turn, THERE) or near(before.y, turn, THERE)):
         return None
     found = fold_by_newton(problem, curve.unknowns.coefficients(guess), curve.values(guess), name, Newton(), along)
     y = curve.unknowns.joined(found.x, [found.value])

@@ -63,7 +63,7 @@ def fold_by_newton(
     problem: HarmonicBalance, x: Array, values: Array, name: str, newton: Newton, null: Array | None = None
 ) -> LocatedFold:
     """Return the fold near a point; ``null`` is a guess of v."""
-    curve = along_folds(problem, values, name)
+    curve = along_folds(problem, x, values, name)
     if null is None:
         null = null_vector(problem.assembly.jacobian(x, values))
     here = values[problem.system.parameters.index(name)]
@@ -129,7 +129,7 @@ def fold_by_program(
 ) -> LocatedFold:
     """Return the fold near a point as the largest or the smallest parameter of the solutions."""
     index = problem.system.parameters.index(name)
-    free = problem.symbol(name) / max(abs(values[index]), 1e-12)
+    free = problem.symbol(name) / (abs(float(values[index])) or 1.0)
     found = minimise(problem, -free if maximum else free, x, values, free=[name], method=ipopt)
     return LocatedFold(
         x=found.x,
@@ -154,8 +154,12 @@ def left_null_vector(problem: HarmonicBalance, x: Array, values: Array, name: st
     curve.jacobian(y, matrix[:-1])
     matrix[-1, :-1] = null
     last = curve.unknowns.fixing_last()
-    if np.linalg.cond(matrix) > LARGEST_CONDITION:
-        return np.asarray(np.linalg.lstsq(matrix.T, last, rcond=1.0 / LARGEST_CONDITION)[0][: problem.size])
+    columns = curve.scale(y)
+    rows = np.abs(matrix * columns).max(axis=1)
+    dimensionless = matrix * columns / np.where(rows > 0.0, rows, 1.0)[:, None]
+    if np.linalg.cond(dimensionless) > LARGEST_CONDITION:
+        smallest = np.linalg.lstsq(dimensionless.T, last * columns, rcond=1.0 / LARGEST_CONDITION)[0]
+        return np.asarray((smallest / rows)[: problem.size])
     return Bordered(matrix).solve_transposed(last)[: problem.size]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -27,6 +27,7 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations, along_folds, along_parameter, settled
 from hbnlp.solutions.ipopt import FreeParameters
 from hbnlp.solutions.solution import attached
+from hbnlp.systems.parameters import ParameterSet
 
 
 def follow(
@@ -83,9 +84,11 @@ def follow(
     values = problem.values(point.solution.parameters)
     place = (float(values[index(own)]), float(values[index(name)]))
     spans = [
-        _span_around(given, value, each) for given, value, each in zip((limits, span), place, (own, name), strict=True)
+        _span_around(given, value, each, problem.system.parameters)
+        for given, value, each in zip((limits, span), place, (own, name), strict=True)
     ]
-    curve, y = _fold_on_its_curve(along_folds(problem, values, own, name), point, place)
+    x = problem.vector(point.solution.coefficients)
+    curve, y = _fold_on_its_curve(along_folds(problem, x, values, own, name, spans=spans), point, place)
     options = method or PseudoArclength(angle=5.0, max_points=3000)
     others = {k: v for k, v in point.solution.parameters.items() if k not in (own, name)}
     back, ahead = _Side(points=[y]), _Side(points=[y])
@@ -125,13 +128,15 @@ def _fold_on_its_curve(curve: Equations, fold: SpecialPoint, place: tuple[float,
     return curve, found.y
 
 
-def _span_around(span: tuple[float, float] | None, value: float, name: str) -> tuple[float, float]:
+def _span_around(
+    span: tuple[float, float] | None, value: float, name: str, parameters: ParameterSet
+) -> tuple[float, float]:
     if span is None:
         reach = 10.0 * abs(value) or 1.0
         span = (value / 10.0, reach) if value > 0.0 else (-reach, value / 10.0 if value else reach)
-    if len(span) != 2:
+    if not isinstance(span, Sequence | np.ndarray) or len(span) != 2:
         raise ValueError(f"the span of {name} is {span!r}; give two values, the lowest and the highest")
-    low, high = sorted(span)
+    low, high = sorted(parameters.span(name, span, what=f"the span of {name}"))
     if not low <= value <= high:
         raise ValueError(f"the fold lies at {name} = {value:g}, outside of {span!r}")
     return low, high
@@ -212,10 +217,10 @@ def _is_centre(curve: Equations, y: Array) -> bool:
     assert name is not None
     along_first = along_parameter(problem, values, name)
     point = along_first.point(curve.coefficients(y), float(curve.unknowns.scalars(y)[0]))
-    full = np.zeros((n, n + 1))
+    full, scale = np.zeros((n, n + 1)), along_first.scale(point)
     along_first.jacobian(point, full)
-    left, _, right = np.linalg.svd(full)
-    w, plane = left[:, -1], right[-2:]
+    left, _, right = np.linalg.svd(full * scale)
+    w, plane = left[:, -1], right[-2:] * scale
     function = _second_derivative(problem, name)
 
     def quadratic(direction: Array) -> float:

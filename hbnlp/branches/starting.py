@@ -14,7 +14,7 @@ from hbnlp.continuation.curve import TINY, relative_residual
 from hbnlp.continuation.point import Point, start_point
 from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
-from hbnlp.solutions.cold_start import linear_guess
+from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, guess_for
@@ -101,21 +101,20 @@ def _first(
     start: Solution | ArrayLike | None,
 ) -> tuple[Equations, Array]:
     """Return the curve and its first point, which is solved for unless it is a solution already."""
-    given = dict(at or {})
-    if isinstance(start, Solution):
-        given = {**start.parameters, **given}
-    given.setdefault(name, span[0])
-    low, high = sorted(span)
-    if not low <= given[name] <= high:
-        raise ValueError(f"the start has {name} = {given[name]:g}, outside the span {span}")
+    parameters = problem.system.parameters
+    parameters.values(at, but=(name,))  # what is wrong with them is said here
+    given = {name: span[0], **(start.parameters if isinstance(start, Solution) else {}), **(at or {})}
     values = problem.values(given)
+    here, (low, high) = float(values[parameters.index(name)]), sorted(span)
+    if not low <= here <= high:
+        raise ValueError(f"the start has {name} = {here:g}, outside the span {span}")
     x = guess_for(problem, start) if isinstance(start, Solution) else None
     if x is None or not _is_solution(problem, x, values):
         found = solve(problem, at=given, start=start)
         assert found.problem is not None
         problem, x = found.problem, found.coefficients.ravel()
     curve = along_parameter(problem, values, name, span=span, floor=_smallest_solution(problem, values, name, span, x))
-    return curve, curve.unknowns.joined(x, [given[name]])
+    return curve, curve.unknowns.joined(x, [here])
 
 
 def _is_solution(problem: HarmonicBalance, x: Array, values: Array) -> bool:
@@ -132,30 +131,11 @@ def _smallest_solution(problem: HarmonicBalance, values: Array, name: str, span:
     """Return the size below which changes are not measured relative to the solution: a trace may begin at rest."""
     middle = values.copy()
     middle[problem.system.parameters.index(name)] = np.mean(span)
-    size = max(float(np.linalg.norm(first)), float(np.linalg.norm(linear_guess(problem, middle))))
+    size = max(float(np.linalg.norm(first)), linear_size(problem, middle))
     if size > 0.0 and not np.any(problem.assembly.load_derivative(middle)):
         # without excitation rest is a solution, and branches pass through it: not by ever smaller steps
         return 1e-2 * max(size, size_of_nonlinearity(problem, np.zeros(problem.size), first, middle))
     return max(1e-6 * size, TINY) if size > 0.0 else 1.0
-
-
-def checked_span(problem: HarmonicBalance, name: str, span: Span) -> Span:
-    """Return a span as two numbers, or raise an error that says what is wrong with it."""
-    problem.system.parameters.index(name)
-    wrong = f"span = {span!r}; two finite values of {name} are needed, where to begin and where to end"
-    try:
-        begin, end = (float(value) for value in span)
-    except (TypeError, ValueError):
-        raise ValueError(wrong) from None
-    if not (np.isfinite(begin) and np.isfinite(end)):
-        raise ValueError(wrong)
-    if begin == end:
-        raise ValueError(f"span = {span!r} has no length; give two different values of {name}")
-    if name == "omega" and min(begin, end) <= 0.0:
-        raise ValueError(
-            f"span = {span!r} reaches omega = 0, where the period is infinite; begin above, for instance at 1e-3"
-        )
-    return begin, end
 
 
 def _check_resumable(name: str, at: Mapping[str, float] | None, branch: Branch, stability: Floquet | None) -> None:

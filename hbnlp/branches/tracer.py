@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 from collections.abc import Iterator, Mapping
 
 import casadi as ca
@@ -12,11 +14,12 @@ from hbnlp.branches.branch import Branch
 from hbnlp.branches.collecting import Traced, make_branch
 from hbnlp.branches.detection import Detector
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.branches.starting import checked_span, fresh_start, resumed_start
+from hbnlp.branches.starting import fresh_start, resumed_start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.point import Point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.checks import instance_of
+from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.interrupts import guarded
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
@@ -70,7 +73,7 @@ class Tracer(StaysHere):
         instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
         instance_of("resume", resume, Branch | None, "a Branch, from a file Branch.load(path)")
         self.name = name
-        self.span = checked_span(problem, name, span)
+        self.span = problem.system.parameters.span(name, span)
         self.options = method or PseudoArclength()
         if direction not in (1, -1):
             raise ValueError(f"direction = {direction!r}; 1 (towards the end of the span) or -1 is needed")
@@ -81,6 +84,8 @@ class Tracer(StaysHere):
             begin = resumed_start(problem, name, self.span, resume, at=at, direction=direction, stability=stability)
         else:
             begin = fresh_start(problem, name, self.span, at=at, start=start, direction=direction)
+        self._last = begin.point
+        self._moved: Traced | None = None
         evaluator = None if stability is None else FloquetEvaluator.of(problem, stability)
         self._detector = Detector(evaluator, self.options.newton)
         low, high = sorted(self.span)
@@ -138,6 +143,7 @@ class Tracer(StaysHere):
             message=message or reason.value,
             refused=self._walk.refused,
             resumed=self._resumed,
+            moved=self._moved,
         )
 
     def _points(self) -> Iterator[Traced]:
@@ -145,6 +151,8 @@ class Tracer(StaysHere):
             yield self._kept(self._walk.point, ())
         if self.end is None:
             for before, after in self._walk:
+                if before is not self._last:
+                    self._correct(before)
                 found = self._detector.between(self._walk.curve, before, after, self.n_points - 1)
                 yield self._kept(after, found)
 
@@ -152,8 +160,19 @@ class Tracer(StaysHere):
         curve = self._walk.curve
         floquet = self._detector.multipliers(curve, point)
         self._records.append(Traced(point=point, curve=curve, floquet=floquet, special_points=special_points))
+        self._last = point
         self._n_folds += sum(found.kind is Kind.FOLD for found in special_points)
         return self._records[-1]
+
+    def _correct(self, before: Point) -> None:
+        """Put the beginning of a step in its record's place: the walk found it anew, with more samples of the force."""
+        curve = self._walk.curve
+        record = Traced(point=before, curve=curve, floquet=self._detector.multipliers(curve, before), special_points=())
+        if self._records:
+            record = dataclasses.replace(record, special_points=self._records[-1].special_points)
+            self._records[-1] = record
+        else:
+            self._moved = record
 
     def _check_fresh(self, point: Point) -> None:
         """Refuse a way out of the span, and warn of a system that is unstable about rest."""
@@ -164,7 +183,8 @@ class Tracer(StaysHere):
             )
         system = self.problem.system
         if not ca.depends_on(system.force, system.tau):
-            check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
+            with contextlib.suppress(NonFiniteError):  # a force that is singular at rest has no stability there
+                check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
 
 
 def _problem_and_start(

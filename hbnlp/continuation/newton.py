@@ -6,23 +6,36 @@ Each corrector solves the bordered system::
     [ row   ] d  = - [ row . (y - plane) ]
 
 with LAPACK. The factors are kept for as long as the steps shrink well (Deuflhard 2004, section 2.1,
-doi:10.1007/978-3-642-23899-4) and Broyden's updates make up for their age, so that a point of a branch costs one
-factorisation, that of its tangent.
+doi:10.1007/978-3-642-23899-4) and Broyden's updates make up for their age. The rate of such steps says little about the
+error that they leave: it differs from one direction to another. They only approach a solution; factors made there then
+take the error away and measure what remains. A point of a branch needs these anyway, for its tangent.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
-from hbnlp.continuation.curve import Bordered, Curve, relative_residual
+from hbnlp.continuation.curve import TINY, Bordered, Curve
 from hbnlp.core.types import Array
 
 LARGEST_RESIDUAL = 1e-6
 """Steps may cease without a solution, far away or where the Jacobian is singular: the terms must balance to this."""
 SLOW = 0.2
 """A larger ratio of successive steps calls for a new Jacobian."""
+CLOSE = 1e-5
+"""How close steps with old factors come, times the root of the tolerance: as close as the default tolerance itself.
+
+A step with new factors squares the error, so that the point needs less; its tangent, which is made from the factors,
+does not: beside a branch point one of a point that is 1e-8 away has a parameter component of the wrong sign.
+"""
+SINGULAR = "the Jacobian is singular or not finite"
+SURELY = 1e-3
+"""Below this part of the tolerance the first of these steps is not made either; otherwise it is there for nothing."""
+FEW = 3
+"""Steps with the factors of a point itself that are allowed: one takes the error away, one measures what remains."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +45,10 @@ class Newton:
     Parameters
     ----------
     tol : float
-        Bound on the error that remains, relative to the size of the solution (estimated from the rate of convergence).
+        Bound on the error that remains, relative to the size of the solution: measured by a step with the Jacobian at
+        the solution itself.
     max_iterations : int
-        Steps before it is given up.
+        Steps before it is given up, but for the last ones, with the Jacobian at the solution.
     """
 
     tol: float = 1e-10
@@ -60,9 +74,7 @@ class Correction:
     reason: str = ""
 
 
-def correct(
-    curve: Curve, guess: Array, row: Array, options: Newton, near: tuple[Bordered, Array] | None = None
-) -> Correction:
+def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correction:
     """Return the point of the curve on the plane ``row . (y - guess) = 0``.
 
     The result is not converged when the steps do not shrink, when something is not finite, or after the iterations
@@ -75,6 +87,31 @@ def correct(
     row : array (size + 1,)
         Normal of the plane.
     options : Newton
+    """
+    found = approach(curve, guess, row, options)
+    if not found.converged:
+        return found
+    factors = Bordered.at(curve, found.y, row)
+    if factors.singular:
+        return _failed(found.y, found.iterations, found.factorisations + 1, found.error, SINGULAR)
+    found = dataclasses.replace(found, factorisations=found.factorisations + 1)
+    return settle(curve, found, guess, row, options, factors)
+
+
+def approach(
+    curve: Curve,
+    guess: Array,
+    row: Array,
+    options: Newton,
+    *,
+    near: tuple[Bordered, Array] | None = None,
+) -> Correction:
+    """Return where steps with factors that are kept lead, close enough for `settle` as far as the last two steps tell.
+
+    Parameters
+    ----------
+    curve, guess, row, options
+        As for `correct`.
     near : (Bordered, array), optional
         Factors at a neighbouring point of the curve, and the tangent there. They then serve throughout and are never
         made anew: between two legs of a curve the Jacobian is singular, and steps with that of one leg seldom converge
@@ -84,6 +121,7 @@ def correct(
     scale = curve.scale(y)
     inverse: _Inverse | None = _Inverse(near[0], row, scale, near[1]) if near is not None else None
     factorisations, last, error = 0, np.inf, np.inf
+    roughly = max(CLOSE * options.tol**0.5, options.tol)
     right = np.zeros(y.size)
     for iteration in range(1, options.max_iterations + 1):
         right[:-1] = curve.residual(y)
@@ -93,7 +131,7 @@ def correct(
             factors = Bordered.at(curve, y, row)
             factorisations += 1
             if factors.singular:
-                return _failed(y, iteration, factorisations, error, "the Jacobian is singular or not finite")
+                return _failed(y, iteration, factorisations, error, SINGULAR)
             inverse = _Inverse(factors, row, scale)
         step = inverse.step(right)
         y += step
@@ -105,19 +143,9 @@ def correct(
         rate = size / last
         if iteration > 1:
             error = size * rate / (1.0 - rate) if rate < 1.0 else np.inf
-        if min(error, size) <= options.tol:
-            # where the terms themselves vanish, at rest, they are measured by those of the guess
-            residual = relative_residual(curve, y, least=curve.term_size(guess))
-            if not residual <= LARGEST_RESIDUAL:
-                reason = f"the steps cease where the residual is {residual:.1e} of its terms"
-                return _failed(y, iteration, factorisations, error, reason)
+        if min(error, size) <= roughly:
             return Correction(
-                y=y,
-                converged=True,
-                iterations=iteration,
-                factorisations=factorisations,
-                error=error,
-                residual=residual,
+                y=y, converged=True, iterations=iteration, factorisations=factorisations, error=error, residual=np.inf
             )
         if not np.isfinite(size) or size > 1e8:
             return _failed(y, iteration, factorisations, error, "the steps of Newton's method grow without bound")
@@ -127,6 +155,50 @@ def correct(
     return _failed(
         y, options.max_iterations, factorisations, error, f"no convergence in {options.max_iterations} iterations"
     )
+
+
+def settle(
+    curve: Curve,
+    found: Correction,
+    guess: Array,
+    row: Array,
+    options: Newton,
+    at: Bordered,
+    tangent: Array | None = None,
+) -> Correction:
+    """Return the point that `approach` came close to, its error measured by a step that is not made any more.
+
+    Parameters
+    ----------
+    curve, guess, row, options
+        As for `correct`.
+    found : Correction
+    at : Bordered
+        Factors there, of [dR/dy; row].
+    tangent : array (size + 1,), optional
+        The tangent there, needed where the factors are those of another row.
+    """
+    y, scale = found.y.copy(), curve.scale(found.y)
+    inverse, right, error = _Inverse(at, row, scale, tangent), np.zeros(y.size), np.inf
+    for iteration in range(found.iterations + 1, found.iterations + FEW + 1):
+        right[:-1] = curve.residual(y)
+        step = inverse.step(right)
+        error = _length(step / scale)
+        moved = iteration > found.iterations + 1
+        if error <= (options.tol if moved else SURELY * options.tol):
+            terms = max(curve.term_size(y), curve.term_size(guess), TINY)
+            settled = dataclasses.replace(found, y=y, iterations=iteration, error=error)
+            return _balanced(settled, float(np.abs(right).max()) / terms)
+        y += step
+    return _failed(y, found.iterations, found.factorisations, error, f"no convergence to {options.tol:g}")
+
+
+def _balanced(found: Correction, residual: float) -> Correction:
+    """Return what was found with its residual, which has to be small: steps may cease without a solution."""
+    if residual <= LARGEST_RESIDUAL:
+        return dataclasses.replace(found, residual=residual)
+    reason = f"the steps cease where the residual is {residual:.1e} of its terms"
+    return _failed(found.y, found.iterations, found.factorisations, found.error, reason)
 
 
 class _Inverse:

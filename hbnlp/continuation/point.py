@@ -10,7 +10,7 @@ import numpy as np
 
 from hbnlp.continuation.branch_points import BranchPoint
 from hbnlp.continuation.curve import Bordered, Curve, null_vector, relative_residual
-from hbnlp.continuation.newton import Newton, correct
+from hbnlp.continuation.newton import Newton, approach, settle
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array
 
@@ -74,17 +74,20 @@ def carried(point: Point, curve: Curve, other: Curve) -> Point:
 def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton) -> Point | None:
     """Return the corrected point with its tangent, turned the way of ``base``, or None if Newton's method failed."""
     near = (base.factors, base.tangent) if base.factors is not None else None
-    correction = correct(curve, guess, row, options, near)
+    rough = approach(curve, guess, row, options, near=near)
+    if not rough.converged:
+        return None
+    factors = Bordered.at(curve, rough.y, base.tangent / base.scale**2)
+    if factors.singular:
+        return None
+    unit = np.zeros(guess.size)
+    unit[-1] = 1.0
+    tangent = factors.solve(unit)
+    correction = settle(curve, rough, guess, row, options, factors, tangent)
     if not correction.converged:
         return None
     y = correction.y
     scale = curve.scale(y)
-    factors = Bordered.at(curve, y, base.tangent / base.scale**2)
-    if factors.singular:
-        return None
-    unit = np.zeros(y.size)
-    unit[-1] = 1.0
-    tangent = factors.solve(unit)
     length = float(np.linalg.norm(tangent / scale))
     sign, log_determinant = factors.determinant()
     # det [J; t^T/s^2] from det [J; border]: both rows see the null vector t of J, t.t/s^2 = 1 and border . t = 1 /

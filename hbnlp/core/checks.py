@@ -26,6 +26,26 @@ def whole_number(name: str, value: Any, *, least: int, most: int | None = None, 
     return number
 
 
+def as_float(value: Any) -> float | None:
+    """Return a real number of any kind as a float; None for text, truth values, complex values and longer arrays.
+
+    ``float`` alone would read ``"1.2"`` and ``True`` as numbers.
+    """
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    foreign = isinstance(value, np.ndarray) or (
+        isinstance(value, np.generic) and not isinstance(value, np.integer | np.floating)
+    )
+    if foreign or isinstance(value, bool) or not hasattr(value, "__float__"):
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # of symbols, and of numbers beyond the largest
+        return None
+    symbolic = math.isnan(number) and not isinstance(value, float | np.floating)  # CasADi reads its symbols as nan
+    return None if symbolic else number
+
+
 def real_number(
     name: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, advice: str = ""
 ) -> float:
@@ -41,10 +61,9 @@ def real_number(
     bounds = [f" greater than {above:g}"] if above > -math.inf else []
     bounds += [f" of at least {least:g}"] if least > -math.inf else []
     accepted = f"a finite number{' and'.join(bounds)}{advice}"
-    try:
-        number = float(value)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} is {value!r}; give {accepted}") from error
+    number = as_float(value)
+    if number is None:
+        raise TypeError(f"{name} is {value!r}; give {accepted}")
     if not math.isfinite(number) or number <= above or number < least:
         raise ValueError(f"{name} is {value!r}; give {accepted}")
     return number
@@ -52,10 +71,15 @@ def real_number(
 
 def finite_numbers(name: str, values: Any) -> Array:
     """Return a sequence of finite numbers as an array (k,), k >= 1, or raise a ValueError that names it."""
-    array = np.atleast_1d(np.array(values, dtype=float))
-    if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} = {values!r}; a sequence of finite numbers, at least one, is needed")
-    return array
+    if isinstance(values, np.ndarray):
+        values = np.atleast_1d(values)
+    single = as_float(values)
+    several = single is None and isinstance(values, Iterable) and not isinstance(values, str | bytes)
+    numbers = [as_float(entry) for entry in values] if several else [single]
+    if not numbers or any(number is None or not math.isfinite(number) for number in numbers):
+        given = textwrap.shorten(repr(values), 120, placeholder=" ...")
+        raise ValueError(f"{name} = {given}; a sequence of finite numbers, at least one, is needed")
+    return np.array(numbers, dtype=float)
 
 
 def counted(number: int, what: str) -> str:
@@ -78,7 +102,7 @@ def list_of_callables(name: str, value: Any) -> None:
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     """Return the message for a name that is not known, with the nearest known one."""
     known = list(known)
-    near = difflib.get_close_matches(name, known, n=1)
+    near = difflib.get_close_matches(str(name), known, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     return f"unknown {kind} {name!r}{hint} (known: {', '.join(known) or 'none'})"
 

@@ -43,7 +43,7 @@ class NonFiniteError(HbnlpError):
 
 
 class SamplingError(HbnlpError, ValueError):
-    """A force would take more samples a period than a smooth one needs."""
+    """A force would take more samples a period than a smooth one needs, or a forcing or motion is not smooth enough."""
 
 
 class SaveError(HbnlpError, OSError):
@@ -59,6 +59,10 @@ def restored(kind: type[HbnlpError], arguments: tuple[Any, ...], state: dict[str
 
 class OutsideBandWarning(UserWarning):
     """A reduced-order model is evaluated at frequencies outside the band for which its error is known."""
+
+
+class AliasingWarning(UserWarning):
+    """Harmonics of an output are less exact than the tolerance, as it is singular at this motion."""
 
 
 class LinearInstabilityWarning(UserWarning):

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import real_number, unknown_name
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import StaysHere
@@ -105,7 +105,11 @@ class Program(StaysHere):
                     f"the symbol {symbol} is of neither these variables, these responses nor data: make all responses "
                     "with the same Variables, and write response(expression) for expressions of problem.x and problem.p"
                 )
-        program = {"x": unknowns, "p": given, "f": objective, "g": ca.vertcat(*parts)}
+        # bounds reach IPOPT in their own sizes, which are known once a solve begins: its tolerances are absolute
+        self._bounded = ca.Function("bounded", [unknowns, given], [ca.vertcat(*parts[1:])])
+        sizes = ca.MX.sym("sizes", ends[-1] - ends[0])
+        constraints = ca.vertcat(parts[0], ca.vertcat(*parts[1:]) / sizes)
+        program = {"x": unknowns, "p": ca.vertcat(given, sizes), "f": objective, "g": constraints}
         options = (method or Ipopt(tol=1e-10)).options()
         self._solver = ca.nlpsol("program", "ipopt", program, {**options, "expand": expand})
         self._states = ca.Function("states", [unknowns, given], [e for r in responses for e in (r.x, r.p)])
@@ -125,16 +129,19 @@ class Program(StaysHere):
         else:
             for name in {*over.names} ^ {*start}:
                 raise KeyError(unknown_name("variable", name, over.names) if name in start else f"start lacks {name!r}")
-            first = np.array([start[name] for name in over.names]) / over.scale
+            first = np.array([real_number(name, start[name]) for name in over.names]) / over.scale
             x0 = np.concatenate([first, *(r.start for r in self.responses)])
         for what, array, size in (("start", x0, self._states.size1_in(0)), ("data", given, self._states.size1_in(1))):
             if array.shape != (size,):
                 raise ValueError(f"{what} has shape {array.shape}; ({size},) is needed for this program")
         box = np.tile([-np.inf, np.inf], (x0.size, 1))
         box[: len(over.names)] = over.limits / over.scale[:, None]
-        (lbx, ubx), (lbg, ubg) = box.T, self._limits.T
-        answer, stats = run(self._solver, x0=x0, p=given, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+        sizes = self._sizes(x0, given)
+        (lbx, ubx), (lbg, ubg) = box.T, (self._limits / sizes[:, None]).T
+        p = np.append(given, sizes[self._n_equations :])
+        answer, stats = run(self._solver, x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
         y, g, lam_g = (answer[key].full().ravel() for key in ("x", "g", "lam_g"))
+        lam_g /= sizes
         states = [e.full().ravel() for e in self._states.call([y, given])]
         points = list(zip((r.problem for r in self.responses), states[::2], states[1::2], strict=True))
         message = "converged"
@@ -162,3 +169,14 @@ class Program(StaysHere):
         if throw and not optimum.converged:
             raise ConvergenceError(message, optimum)
         return optimum
+
+    def _sizes(self, x0: Array, given: Array) -> Array:
+        """Return the size of each constraint: of a bound its larger limit, or its expression where that is zero."""
+        sizes: Array = np.where(np.isfinite(self._limits), np.abs(self._limits), 0.0).max(axis=1)
+        sizes[: self._n_equations] = 1.0  # the responses' equations have no units
+        at_start = self._bounded(x0, given).full().ravel()
+        for rows in self._rows.values():
+            if not sizes[rows].any():
+                values = np.abs(at_start[rows.start - self._n_equations : rows.stop - self._n_equations])
+                sizes[rows] = values[np.isfinite(values)].max(initial=0.0) or 1.0
+        return sizes

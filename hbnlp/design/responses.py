@@ -15,13 +15,13 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.continuation.curve import TINY
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.variables import Variables
+from hbnlp.solutions.sizes import sizes_at
 from hbnlp.solutions.solution import Solution
 
 
@@ -82,7 +82,7 @@ def response_at(
         For a name that is no parameter, or coefficients that do not fit the problem.
     """
     values, x0 = problem.values({**start.parameters, **(at or {})}), problem.vector(start.coefficients)
-    size, terms = _sizes(problem, x0, values)
+    size, terms = sizes_at(problem, x0, values)
     xi, p = ca.MX.sym("x", problem.size), _parameters(problem, variables, values, {})
     x = size * xi
     return Response(problem=problem, x=x, p=p, unknowns=xi, equations=problem.residual(x, p) / terms, start=x0 / size)
@@ -118,7 +118,7 @@ def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, 
     if name in variables.names:
         raise ValueError(f"{name!r} is the free parameter of the fold; it cannot be a variable, too")
     values, x0 = problem.values(fold.solution.parameters), problem.vector(fold.solution.coefficients)
-    (size, terms), unit, null = _sizes(problem, x0, values), abs(fold.value) or 1.0, problem.vector(fold.null)
+    (size, terms), unit, null = sizes_at(problem, x0, values), abs(fold.value) or 1.0, problem.vector(fold.null)
     xi, v, free, along = (ca.MX.sym(s, n) for s, n in (("x", x0.size), ("v", x0.size), ("free", 1), ("along", x0.size)))
     x, p = size * xi, _parameters(problem, variables, values, {name: unit * free})
     tangent = ca.Function("tangent", [problem.x, problem.p, along], [ca.jtimes(problem.g, problem.x, along)])
@@ -131,11 +131,6 @@ def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, 
         equations=ca.vertcat(*equations),
         start=np.concatenate([x0 / size, null / np.linalg.norm(null), [fold.value / unit]]),
     )
-
-
-def _sizes(problem: HarmonicBalance, x: Array, values: Array) -> tuple[float, float]:
-    """Return the sizes of the unknowns and of the residual's terms."""
-    return max(float(np.linalg.norm(x)), TINY), max(problem.assembly.term_size(x, values), TINY)
 
 
 def _parameters(problem: HarmonicBalance, variables: Variables, values: Array, free: Mapping[str, ca.MX]) -> ca.MX:

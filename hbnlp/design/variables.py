@@ -8,8 +8,9 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.checks import position
+from hbnlp.core.checks import as_float, position
 from hbnlp.core.sending import StaysHere
+from hbnlp.systems.parameters import OMEGA, check_period
 
 
 @final
@@ -19,9 +20,13 @@ class Variables(StaysHere):
     _instead = "responses and programs share its symbols; send the bounds, and make it there, once for all of them"
 
     def __init__(self, bounds: Mapping[str, tuple[float, float]]) -> None:
-        for name, (low, high) in bounds.items():
-            if not (np.isfinite(low) and np.isfinite(high) and low < high):
-                raise ValueError(f"bounds of {name!r} are {(low, high)!r}; two finite, rising numbers are needed")
+        for name, given in bounds.items():
+            ends = [as_float(end) for end in given]
+            low, high = ends if len(ends) == 2 else (None, None)
+            if low is None or high is None or not (np.isfinite(low) and np.isfinite(high) and low < high):
+                raise ValueError(f"bounds of {name!r} are {given!r}; two finite, rising numbers are needed")
+            if name == OMEGA:
+                check_period(low, "the lower bound of omega is")
         self.names = tuple(bounds)
         self.limits = np.array(list(bounds.values()), dtype=float).reshape(-1, 2)
         self.scale = np.max(np.abs(self.limits), axis=1)

@@ -22,6 +22,12 @@ from hbnlp.solutions.solution import Solution, attached
 INDISTINCT = 1e8
 """A larger condition number of the scaled Jacobian means that the measurements do not determine the variables."""
 
+TOUCHES = 1e-6
+"""A variable this near to a limit, relative to its range, is at it."""
+
+NEAR = 1e-3
+"""One this near is at it if the measurements would have it beyond: an interior-point method stops short of a limit."""
+
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +38,11 @@ class Identified:
     ----------
     values : dict
     covariance : array (n, n)
-        Of the variables, in the order of ``values``.
+        Of the variables, in the order of ``values``. A variable at a limit has none, but nan; that of the others holds
+        on condition that it has this value.
+    at_limit : dict
+        Names and limits of the variables that the measurements would have beyond their limits. Their values are those
+        of the limits, not of the measurements: widen the limits, or give a variable up.
     residuals : array (n_measurements,)
         Fitted less measured amplitudes.
     noise : float
@@ -43,6 +53,7 @@ class Identified:
 
     values: dict[str, float]
     covariance: Array
+    at_limit: dict[str, float]
     residuals: Array = field(repr=False)
     noise: float
     optimum: Optimum = field(repr=False)
@@ -59,13 +70,20 @@ class Identified:
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard deviation of each variable."""
+        """Standard deviation of each variable, nan for those at a limit."""
         return {name: float(error) for name, error in zip(self.values, np.sqrt(np.diag(self.covariance)), strict=True)}
 
     def __repr__(self) -> str:
         errors = self.standard_errors
-        values = ", ".join(f"{name} = {value:.6g} +- {errors[name]:.2g}" for name, value in self.values.items())
-        return f"Identified from {self.residuals.size} amplitudes: {values}\n  noise {self.noise:.3g}"
+        values = ", ".join(
+            f"{name} = {value:.6g} " + ("at its limit" if name in self.at_limit else f"+- {errors[name]:.2g}")
+            for name, value in self.values.items()
+        )
+        lines = [f"Identified from {self.residuals.size} amplitudes: {values}", f"  noise {self.noise:.3g}"]
+        if self.at_limit:
+            limits = ", ".join(f"{name} {limit:g}" for name, limit in self.at_limit.items())
+            lines.append(f"  limits that bind: {limits}; errors hold on that condition, and those variables have none")
+        return "\n".join(lines)
 
 
 @final
@@ -116,7 +134,8 @@ class Identification(StaysHere):
 
         Their covariance is ``noise^2 (J^T J)^-1`` with the derivative J of the amplitudes a by the variables d, the
         responses eliminated: ``J = a_d - a_x R_x^-1 R_d``. It holds for independent errors of equal standard deviation,
-        small enough that J does not vary over them.
+        small enough that J does not vary over them. Variables at a limit are taken as given: they have no covariance,
+        and are not counted among what the measurements determine.
 
         Parameters
         ----------
@@ -138,10 +157,17 @@ class Identification(StaysHere):
         optimum = self._program.solve(start.optimum if isinstance(start, Identified) else start, data=amplitudes)
         fitted, rows = zip(*(self._row(solution) for solution in optimum.solutions), strict=True)
         jacobian, residuals = np.array(rows), np.array(fitted) - amplitudes
+        at_limit = self._at_limit(optimum, jacobian, residuals)
+        free = [i for i, name in enumerate(self.variables.names) if name not in at_limit]
+        jacobian = jacobian[:, free]
         sizes = np.linalg.norm(jacobian, axis=0)
-        if len(jacobian) < sizes.size or not np.all(sizes > 0.0) or np.linalg.cond(jacobian / sizes) > INDISTINCT:
+        if (
+            len(jacobian) < sizes.size
+            or not np.all(sizes > 0.0)
+            or (free and np.linalg.cond(jacobian / sizes) > INDISTINCT)
+        ):
             raise ValueError(
-                f"these measurements do not determine {' and '.join(self.variables.names)} together; "
+                f"these measurements do not determine {' and '.join(self.variables.names[i] for i in free)} together; "
                 "add some at other parameters or on another branch, or fix a variable"
             )
         excess = amplitudes.size - sizes.size
@@ -149,13 +175,28 @@ class Identification(StaysHere):
             raise ValueError(f"{amplitudes.size} measurements leave nothing to estimate the noise from; give noise=...")
         deviation = float(np.sqrt(residuals @ residuals / excess)) if noise is None else float(noise)
         scaled = np.linalg.inv((jacobian / sizes).T @ (jacobian / sizes))
+        covariance = np.full((len(self.variables.names),) * 2, np.nan)
+        covariance[np.ix_(free, free)] = deviation**2 * scaled / np.outer(sizes, sizes)
         return Identified(
             values=optimum.values,
-            covariance=deviation**2 * scaled / np.outer(sizes, sizes),
+            covariance=covariance,
+            at_limit=at_limit,
             residuals=residuals,
             noise=deviation,
             optimum=optimum,
         )
+
+    def _at_limit(self, optimum: Optimum, jacobian: Array, residuals: Array) -> dict[str, float]:
+        """Return the limits at which the fit would be better beyond, or that it touches, by the variables' names."""
+        steps = -(jacobian.T @ residuals) / np.maximum(np.sum(jacobian**2, axis=0), np.finfo(float).tiny)
+        found = {}
+        for (name, value), limits, step in zip(optimum.values.items(), self.variables.limits, steps, strict=True):
+            width = limits[1] - limits[0]
+            for limit, outward in zip(limits, (-1.0, 1.0), strict=True):
+                distance = abs(limit - value)
+                if distance <= TOUCHES * width or (distance <= NEAR * width and outward * step > distance):
+                    found[name] = float(limit)
+        return found
 
     def _row(self, solution: Solution) -> tuple[float, Array]:
         """Return the amplitude of a fitted response, and its derivatives by the variables."""

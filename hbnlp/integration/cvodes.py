@@ -22,8 +22,9 @@ class Adaptive:
     Parameters
     ----------
     rtol, atol : float
-        Tolerances of a step. The error of a periodic response is some tens of times larger, by its memory (Q factor):
-        2e-9 relative for a Duffing oscillator with 2.5 % of critical damping, near its fold.
+        Tolerances of a step; ``atol`` is relative to the largest displacement, velocity or lag state of the last
+        window. The error of a periodic response is some tens of times larger, by its memory (Q factor): 2e-9 relative
+        for a Duffing oscillator with 2.5 % of critical damping, near its fold.
     samples_per_period : int
         Uniform output a period of the forcing; it has no influence on the steps.
     stiff : bool
@@ -46,15 +47,17 @@ class Adaptive:
         real_number("atol", self.atol, above=0.0)
         whole_number("samples_per_period", self.samples_per_period, least=4)
 
-    def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:  # noqa: ARG002
-        """Return CVODES at one parameter point; ``state`` has no influence."""
+    def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
+        """Return CVODES at one parameter point; the first window takes its sizes from ``state`` and the load."""
         step = 2.0 * np.pi / self.samples_per_period
         integrator = form.compiled((self, periods), lambda: self._cvodes(form, periods))
+        sizes = _expected_sizes(form, packed, state)
 
         def run(start: Array) -> Window:
+            nonlocal sizes
             try:
                 with interrupts_kept():
-                    path = integrator(x0=start, p=packed)["xf"].full().T
+                    scaled = integrator(x0=start / sizes, p=np.append(packed, sizes))["xf"].full().T
             except RuntimeError as error:
                 flag = str(error).partition('returned "')[2].partition('"')[0]
                 reason = (
@@ -62,15 +65,20 @@ class Adaptive:
                     "or some lag states too fast: try larger rtol and atol, or stiff=True"
                 )
                 return Window(start[None], step, float(integrator.stats().get("tcur", 0.0)), reason)
-            return Window(np.vstack([start, path]), step)
+            states = np.vstack([start, sizes * scaled])
+            sizes = _of_blocks(form, states)
+            return Window(states, step)
 
         return run
 
     def _cvodes(self, form: FirstOrderForm, periods: int) -> ca.Function:
         n_steps = self.samples_per_period * periods
         grid = 2.0 * np.pi * periods * np.arange(1, n_steps + 1) / n_steps
-        y, tau, packed = ca.MX.sym("y", form.system.n_state), ca.MX.sym("tau"), ca.MX.sym("packed", form.n_packed)
-        equations = {"x": y, "t": tau, "p": packed, "ode": form.rate(y, tau, packed)}
+        n_state = form.system.n_state
+        y, tau, packed = ca.MX.sym("y", n_state), ca.MX.sym("tau"), ca.MX.sym("packed", form.n_packed)
+        sizes = ca.MX.sym("sizes", n_state)
+        rate = form.rate(sizes * y, tau, packed) / sizes
+        equations = {"x": y, "t": tau, "p": ca.vertcat(packed, sizes), "ode": rate}
         options = {
             "reltol": self.rtol,
             "abstol": self.atol,
@@ -80,3 +88,23 @@ class Adaptive:
             "show_eval_warnings": False,
         }
         return ca.integrator("cvodes", "cvodes", equations, 0.0, grid, options)
+
+
+def _expected_sizes(form: FirstOrderForm, packed: Array, state: Array) -> Array:
+    """Return the sizes (n_state,) of a motion that begins at a state: of the state, or of what drives it."""
+    n, phases = form.system.n_dof, 2.0 * np.pi * np.arange(16) / 16
+    rates = np.array([form.rate(y, tau, packed).full().ravel() for y in (0.0 * state, state) for tau in phases])
+    rates = rates[np.isfinite(rates).all(axis=1)]
+    # dq/dtau is of the size of q, and so is dv/dtau over omega
+    omega = packed[form.system.parameters.index("omega")]
+    driven = np.hstack([rates[:, n : 2 * n] / omega, rates[:, n:]])
+    return _of_blocks(form, np.vstack([state, rates, driven]))
+
+
+def _of_blocks(form: FirstOrderForm, states: Array) -> Array:
+    """Return the largest displacement, velocity and lag state of states (count, n_state), for each of their entries."""
+    n = form.system.n_dof
+    sizes, largest = np.ones(form.system.n_state), np.abs(states).max(axis=0)
+    for block in (slice(0, n), slice(n, 2 * n), slice(2 * n, None)):
+        sizes[block] = largest[block].max(initial=0.0) or 1.0
+    return sizes

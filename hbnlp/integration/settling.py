@@ -16,10 +16,9 @@ from hbnlp.core.tasks import Observers, Report
 from hbnlp.core.types import Array
 from hbnlp.fourier import to_complex
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
-from hbnlp.integration.response import TimeResponse, project, respond
+from hbnlp.integration.response import TimeResponse, respond
 from hbnlp.integration.runge_kutta import RungeKutta4
-from hbnlp.systems.excitation_samples import MOTION_SAMPLES
-from hbnlp.systems.lags import periodic_lag_states
+from hbnlp.systems.lags import lag_states_of_motion, periodic_lag_states
 from hbnlp.systems.system import System
 
 AUTOMATIC = RungeKutta4()
@@ -53,10 +52,7 @@ def state_of(system: System, coefficients: ArrayLike, values: ArrayLike, periods
     q_h = to_complex(a)
     s = 1j * omega / periods * np.arange(q_h.shape[1])
     lags = periodic_lag_states(system, s, (system.lag_input @ (s**2 * q_h)).T)
-    tau = 2.0 * np.pi * np.arange(MOTION_SAMPLES) / MOTION_SAMPLES
-    drive = system.excitation(tau[None, :], point)[1].full().T
-    drive_h = project(drive, MOTION_SAMPLES // 2 - 1)
-    lags += periodic_lag_states(system, 1j * omega * np.arange(drive_h.shape[1]), drive_h.T)
+    lags += lag_states_of_motion(system, point)
     return np.concatenate([q_h.real.sum(axis=1), (s * q_h).real.sum(axis=1), lags])
 
 

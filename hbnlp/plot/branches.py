@@ -65,7 +65,7 @@ def plot_branch(
     ax : Axes, optional
         Where to draw; a new figure by default.
     harmonic : int
-        0 is the mean value.
+        0 is the mean value, drawn with its sign (not in decibels).
     per : str, optional
         Another output by whose first harmonic the amplitude is divided: ``"alpha_acceleration"`` for a wing's C_L.
     decibels : bool
@@ -118,7 +118,7 @@ def plot_sweep(
     label: str | None = None,
     **options: Any,
 ) -> Axes:
-    """Draw the amplitude of one harmonic of an output along a sweep; a jump is an arrow, not a part of the curve."""
+    """Draw one harmonic of an output along a sweep as `plot_branch` does; a jump is an arrow, no part of the curve."""
     ax = ax or new_axes()
     level = _level(sweep, output, harmonic, per, decibels)
     jumps = sorted(int(jump) for jump in sweep.jumps)
@@ -147,7 +147,7 @@ def plot_resolved(
     per: str | None = None,
     decibels: bool = False,
 ) -> Axes:
-    """Draw the amplitude of one harmonic of an output, each point in the colour of its number of harmonics.
+    """Draw one harmonic of an output as `plot_branch` does, each point in the colour of its number of harmonics.
 
     Points at which the tolerance was not met are crosses; those without a solution are left out.
     """
@@ -194,7 +194,8 @@ def _level(source: Any, output: str, harmonic: int, per: str | None, in_decibels
     amplitudes = source.harmonics(output)
     if not 0 <= harmonic < amplitudes.shape[-1]:
         raise ValueError(f"harmonic = {harmonic}; 0 to {amplitudes.shape[-1] - 1} are retained")
-    size = np.abs(amplitudes[..., harmonic])
+    signed = harmonic == 0 and not in_decibels  # a mean has a sign
+    size = amplitudes[..., 0].real if signed else np.abs(amplitudes[..., harmonic])
     if per is not None:
         with np.errstate(divide="ignore", invalid="ignore"):  # at rest
             size = size / np.abs(source.harmonics(per)[..., 1])
@@ -221,7 +222,9 @@ def _explain(ax: Axes, label: str, **style: Any) -> None:
 
 def _finish(ax: Axes, parameter: str, output: str, harmonic: int, per: str | None, decibels: bool) -> None:
     ax.set_xlabel(_axis(parameter))
-    what = (f"|{output}|" + (f" / |{per}|" if per else "")) if harmonic else f"|mean of {output}|"
+    name = output if harmonic else f"mean of {output}"
+    what = f"|{name}|" if harmonic or decibels else name
+    what += f" / |{per}|" if per else ""
     notes = [*([f"harmonic {harmonic}"] if harmonic else []), *(["dB"] if decibels else [])]
     ax.set_ylabel(f"{what} ({', '.join(notes)})" if notes else what)
     if ax.get_xscale() == "log":

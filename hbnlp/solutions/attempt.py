@@ -9,12 +9,17 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.curve import relative_residual
 from hbnlp.continuation.newton import LARGEST_RESIDUAL, Correction, Newton, correct
+from hbnlp.core.errors import SamplingError
 from hbnlp.core.kinds import Status
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.ipopt import Ipopt, minimise
 from hbnlp.solutions.rootfinder import Rootfinder
+from hbnlp.solutions.sizes import sizes_at
 from hbnlp.solutions.solution import Solution, make_solution
+
+ROUGH = "at the motion that is found"
+"""So begins the reason of an attempt that converged, but to a motion on which no number of samples is enough."""
 
 Method = Newton | Ipopt | Rootfinder
 
@@ -22,16 +27,19 @@ Method = Newton | Ipopt | Rootfinder
 def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Method, *, start: str) -> Solution:
     """Return what the method makes of a guess, with enough samples of the force; ``start`` says where it is from."""
     correction = iterate(problem, guess, values, method)
-    while correction.converged and not problem.samples_suffice(correction.y, values):
-        problem = problem.oversampled()
-        correction = iterate(problem, correction.y, values, method)
+    try:
+        while correction.converged and not problem.samples_suffice(correction.y, values):
+            problem = problem.oversampled()
+            correction = iterate(problem, correction.y, values, method)
+    except SamplingError as error:
+        correction = dataclasses.replace(correction, converged=False, reason=f"{ROUGH}, {error}")
     statistics: dict[str, float | str] = {
         "start": start,
         "method": type(method).__name__,
         "iterations": correction.iterations,
         "residual": correction.residual,
     }
-    if correction.reason:
+    if not correction.converged:
         statistics["reason"] = correction.reason
     status = Status.CONVERGED if correction.converged else Status.NOT_CONVERGED
     return make_solution(problem, correction.y, values, status=status, statistics=statistics)
@@ -56,8 +64,9 @@ def _by_newton(problem: HarmonicBalance, guess: Array, values: Array, method: Ne
 
 
 def _by_rootfinder(problem: HarmonicBalance, guess: Array, values: Array, method: Rootfinder) -> Correction:
-    solver, curve = method.solver(problem), along_load(problem, values)
-    x = solver(guess, values).full().ravel()
+    sizes, curve = sizes_at(problem, guess, values), along_load(problem, values)
+    solver = method.solver(problem, sizes)
+    x = sizes.length * solver(guess / sizes.length, values).full().ravel()
     statistics = solver.stats()
     with np.errstate(all="ignore"):
         residual = relative_residual(curve, curve.unknowns.joined(x, [1.0]))
@@ -65,7 +74,7 @@ def _by_rootfinder(problem: HarmonicBalance, guess: Array, values: Array, method
         x,
         residual,
         success=bool(statistics["success"]),
-        status=str(statistics.get("return_status", "the rootfinder failed")),
+        status=str(statistics.get("return_status", "")),
         iterations=int(statistics.get("iter_count", 0)),
     )
 
@@ -73,7 +82,8 @@ def _by_rootfinder(problem: HarmonicBalance, guess: Array, values: Array, method
 def _judged(x: Array, residual: float, *, success: bool, status: str, iterations: int) -> Correction:
     """Return the verdict on what a foreign solver found, by its own word and by the residual."""
     converged = success and residual < LARGEST_RESIDUAL
-    reason = f"the residual is {residual:.1e} of its terms" if success else status
+    size = f"the residual is {residual:.1e} of its terms" if np.isfinite(residual) else "the residual is not finite"
+    ended = "" if success else f"{status or 'ended without a word'}, "
     return Correction(
         y=x,
         converged=converged,
@@ -81,5 +91,5 @@ def _judged(x: Array, residual: float, *, success: bool, status: str, iterations
         factorisations=iterations,
         error=np.nan,
         residual=residual,
-        reason="" if converged else reason,
+        reason="" if converged else ended + size,
     )

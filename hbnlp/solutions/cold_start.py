@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
@@ -11,7 +14,7 @@ from hbnlp.continuation.point import start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.types import Array
-from hbnlp.solutions.attempt import Method, attempt
+from hbnlp.solutions.attempt import ROUGH, Method, attempt
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.solutions.solution import Solution
@@ -37,33 +40,78 @@ def linear_guess(problem: HarmonicBalance, values: Array) -> Array:
     return np.asarray(-np.linalg.lstsq(jacobian, residual, rcond=None)[0])
 
 
+def linear_size(problem: HarmonicBalance, values: Array) -> float:
+    """Return the size of that response; zero where there is none, because the force is not finite at rest."""
+    with contextlib.suppress(NonFiniteError):
+        return float(np.linalg.norm(linear_guess(problem, values)))
+    return 0.0
+
+
 def cold_start(problem: HarmonicBalance, values: Array, method: Method) -> Solution:
-    """Return the best of a start from the linear response, one harmonic, a growing load, and IPOPT, in this order."""
+    """Return what the first start that leads to a solution leads to, or else the failure that tells most.
+
+    The starts are the linear response, one harmonic, a growing load, and IPOPT, in this order. Each fails for itself: a
+    motion on which the force is not smooth enough says nothing about other motions.
+
+    Raises
+    ------
+    NonFiniteError
+        If the force or its derivative is not finite at rest, and starts beside it lead nowhere.
+    """
+    singular: NonFiniteError | None = None
     try:
-        linear = linear_guess(problem, values)
-    except NonFiniteError:
-        solution = attempt(problem, values, np.full(problem.size, 1e-3), method, start="near rest")
-        if not solution.converged:
-            raise
-        return solution
-    solution = attempt(problem, values, linear, method, start="linear response")
-    if solution.converged or not isinstance(method, Newton):
-        return solution
+        starts = _from_linear(problem, values, method, linear_guess(problem, values))
+    except NonFiniteError as error:
+        singular, starts = error, _beside_rest(problem, values, method)
+    failed: list[Solution] = []
+    for guess, by, start in starts:
+        solution = attempt(problem, values, guess, by, start=start)
+        if solution.converged:
+            return solution
+        failed.append(solution)
+    if singular is not None:
+        raise singular
+    rough = [solution for solution in failed if str(solution.statistics["reason"]).startswith(ROUGH)]
+    return (rough or failed[-1:])[0]
+
+
+def _from_linear(
+    problem: HarmonicBalance, values: Array, method: Method, linear: Array
+) -> Iterator[tuple[Array, Method, str]]:
+    """Yield guesses, each with the method that begins there and a word for it; dear ones are made when asked for."""
+    yield linear, method, "linear response"
+    if not isinstance(method, Newton):
+        return
     if problem.n_harmonics > 1:
         fewer = problem.with_harmonics(1)
         coarse = attempt(fewer, values, fewer.vector(linear.reshape(problem.shape)), method, start="linear response")
         if coarse.converged:
-            solution = attempt(problem, values, problem.vector(coarse.coefficients), method, start="one harmonic")
-    if not solution.converged:
-        grown = from_rest(problem, values, method)
-        if grown is not None:
-            solution = attempt(problem, values, grown, method, start="growing load")
+            yield problem.vector(coarse.coefficients), method, "one harmonic"
+    grown = from_rest(problem, values, method)
+    if grown is not None:
+        yield grown, method, "growing load"
     # at a resonance without damping the linear response says nothing: begin away from rest as well
     load = float(np.max(np.abs(problem.assembly.load_derivative(values))))
-    for guess, start in ((linear, "linear response"), (linear + load, "a shifted linear response")):
-        if not solution.converged:
-            solution = attempt(problem, values, guess, Ipopt(), start=start)
-    return solution
+    yield linear, Ipopt(), "linear response"
+    yield linear + load, Ipopt(), "a shifted linear response"
+
+
+def _beside_rest(problem: HarmonicBalance, values: Array, method: Method) -> Iterator[tuple[Array, Method, str]]:
+    """Yield guesses as `_from_linear` does, for a force that is singular at rest.
+
+    The first has all harmonics, as a force of the velocity alone needs; then come means, to both sides: of a force
+    between two parts that attract or repel each other, rest lies somewhere on one.
+    """
+    load, unit = float(np.max(np.abs(problem.assembly.load_derivative(values)))), np.ones(problem.size)
+    length = load / problem.assembly.linear.term_size(unit.reshape(problem.shape), values) or 1.0
+    near = 1e-3 * length * unit
+    yield near, method, "near rest"
+    if not isinstance(method, Newton):
+        return
+    mean = np.zeros(problem.shape)
+    for mean[:, 0] in (length * size * sign for size in (1.0, 1e2, 1e-2) for sign in (1.0, -1.0)):
+        yield mean.ravel().copy(), method, "a mean beside rest"
+    yield near, Ipopt(), "near rest"
 
 
 def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array | None:

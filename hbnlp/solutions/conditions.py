@@ -63,10 +63,21 @@ class Condition(Protocol):
 class NullVector:
     """The condition of a fold, ``R_x v = 0, v.v = 1``, with the null vector v among the unknowns.
 
+    Its rows are written in the units of the balance, ``length R_x v`` and ``force (v.v - 1) / 2``: only what has one
+    unit can be eliminated and judged together.
+
+    Parameters
+    ----------
+    length, force : float
+        Sizes of the coefficients and of the balance's terms.
+
     References
     ----------
     Moore, Spence (1980), SIAM J. Numer. Anal. 17, 567-576, doi:10.1137/0717048.
     """
+
+    def __init__(self, length: float, force: float) -> None:
+        self._length, self._force = length, force
 
     def n_added(self, size: int) -> int:
         """Return the size of v."""
@@ -77,9 +88,10 @@ class NullVector:
         return size + 1
 
     def residual(self, at: At) -> Array:
-        """Return ``(R_x v, (v.v - 1) / 2)``."""
+        """Return ``(R_x v, (v.v - 1) / 2)`` in the units of the balance."""
         v = at.added
-        return np.append(at.assembly.jacobian(at.x, at.values) @ v, 0.5 * (v @ v - 1.0))
+        along = self._length * (at.assembly.jacobian(at.x, at.values) @ v)
+        return np.append(along, 0.5 * self._force * (v @ v - 1.0))
 
     def jacobian(
         self,
@@ -92,16 +104,18 @@ class NullVector:
     ) -> None:
         """Write ``R_xx v`` by x, R_x and v by v, ``R_xp v`` by the parameters; the excitation has no part in R_x."""
         v = at.added
-        by_x[:-1] = at.assembly.jacobian_along(at.x, at.values, v)
-        by_added[:-1], by_added[-1] = balance, v
+        by_x[:-1] = self._length * at.assembly.jacobian_along(at.x, at.values, v)
+        by_added[:-1], by_added[-1] = self._length * balance, self._force * v
         for column, index in enumerate(parameters):
             if index is not None:
-                by_scalars[:-1, column] = at.assembly.jacobian_along(at.x, at.values, None, index) @ v
+                slope = at.assembly.jacobian_along(at.x, at.values, None, index)
+                by_scalars[:-1, column] = self._length * (slope @ v)
 
     def resized(self, added: Array, shape: tuple[int, int], n_harmonics: int) -> Array:
         """Return the null vector with harmonics added or cut."""
         return resize(added.reshape(shape), n_harmonics).ravel()
 
     def term_size(self, at: At) -> float:
-        """Return the largest sum of the moduli in ``R_x v``."""
-        return float((np.abs(at.assembly.jacobian(at.x, at.values)) @ np.abs(at.added)).max())
+        """Return the largest sum of the moduli in its rows."""
+        along = np.abs(at.assembly.jacobian(at.x, at.values)) @ np.abs(at.added)
+        return max(self._length * float(along.max()), self._force)

@@ -6,6 +6,8 @@ load, folds in two parameters. What is varied is the last unknown.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,6 +16,7 @@ from hbnlp.continuation.curve import TINY
 from hbnlp.core.types import Array
 from hbnlp.fourier import resize
 from hbnlp.solutions.conditions import At, Condition, NullVector
+from hbnlp.solutions.sizes import sizes_at
 from hbnlp.solutions.solution import Solution, make_solution
 from hbnlp.solutions.unknowns import Free, Unknowns
 
@@ -172,11 +175,26 @@ def along_load(problem: HarmonicBalance, values: Array, *, floor: float = TINY) 
     return Equations(problem, values, (Free(None, 0.1),), floor=floor)
 
 
-def along_folds(problem: HarmonicBalance, values: Array, first: str, second: str | None = None) -> Equations:
-    """Return the folds in two parameters, with their null vectors; by default the second is the factor on the load."""
+def along_folds(
+    problem: HarmonicBalance,
+    x: Array,
+    values: Array,
+    first: str,
+    second: str | None = None,
+    *,
+    spans: Sequence[tuple[float, float]] = (),
+) -> Equations:
+    """Return the folds in two parameters near (x, values), with their null vectors.
+
+    By default the second is the factor on the load. Changes of a parameter are measured relative to itself, or to a
+    thousandth of the value given where it is smaller; of one whose value is zero, to a hundredth of its span.
+    """
     index = problem.system.parameters.index
     names = [first] if second is None else [first, second]
-    free = [Free(name, 1e-3 * max(abs(float(values[index(name)])), TINY)) for name in names]
+    widths = [0.01 * abs(high - low) for low, high in spans] or [1.0] * len(names)
+    free = [
+        Free(name, 1e-3 * abs(float(values[index(name)])) or width) for name, width in zip(names, widths, strict=True)
+    ]
     if second is None:
         free.append(Free(None, 0.1))
-    return Equations(problem, values, tuple(free), condition=NullVector())
+    return Equations(problem, values, tuple(free), condition=NullVector(*sizes_at(problem, x, values)))

@@ -10,11 +10,12 @@ import casadi as ca
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.continuation.curve import TINY, relative_residual
+from hbnlp.continuation.curve import relative_residual
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.locks import lasting_lock
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import along_load
+from hbnlp.solutions.sizes import sizes_at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,21 +152,21 @@ def minimise(
     """
     substituted = FreeParameters(problem, free)
     places = [problem.system.parameters.index(name) for name in free]
-    terms = max(problem.assembly.term_size(x, values), TINY)
-    program = {
-        "x": substituted.unknowns,
-        "p": problem.p,
-        "f": substituted(ca.MX(objective)),
-        "g": substituted(problem.g / (terms if np.isfinite(terms) else 1.0)),
-    }
-    low, high = np.array(bounds if bounds is not None else [(-np.inf, np.inf)] * len(free)).reshape(-1, 2).T
-    unbounded = np.full(problem.size, np.inf)
+    limits = np.array(bounds if bounds is not None else [(-np.inf, np.inf)] * len(free)).reshape(-1, 2)
+    sizes = sizes_at(problem, x, values)
+    # bounds and unknowns reach IPOPT in their own sizes: its tolerances are absolute
+    units = [abs(float(values[i])) or _largest(limit) or 1.0 for i, limit in zip(places, limits, strict=True)]
+    scale = np.append(np.full(problem.size, sizes.length), units)
+    scaled = ca.MX.sym("scaled", scale.size)
+    f, g = substituted(ca.MX(objective)), substituted(problem.g) / sizes.force
+    f, g = ca.substitute([f, g], [substituted.unknowns], [scale * scaled])
+    program = {"x": scaled, "p": problem.p, "f": f, "g": g}
     solver = by_one_thread(ca.nlpsol)("solver", "ipopt", program, method.options())
-    box = np.append(-unbounded, low), np.append(unbounded, high)
-    answer, statistics = run(
-        solver, x0=np.append(x, values[places]), p=values, lbx=box[0], ubx=box[1], lbg=0.0, ubg=0.0
-    )
-    found = answer["x"].full().ravel()
+    unbounded = np.tile([-np.inf, np.inf], (problem.size, 1))
+    lower, upper = (np.vstack([unbounded, limits]) / scale[:, None]).T
+    x0 = np.append(x, values[places]) / scale
+    answer, statistics = run(solver, x0=x0, p=values, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
+    found = scale * answer["x"].full().ravel()
     there = values.copy()
     there[places] = found[problem.size :]
     curve = along_load(problem, there)
@@ -174,9 +175,14 @@ def minimise(
     return Minimum(
         x=found[: problem.size],
         values=there,
-        multipliers=answer["lam_g"].full().ravel(),
+        multipliers=answer["lam_g"].full().ravel() / sizes.force,
         residual=residual,
         success=bool(statistics["success"]),
         status=str(statistics["return_status"]),
         iterations=int(statistics["iter_count"]),
     )
+
+
+def _largest(limits: Array) -> float:
+    """Return the largest modulus of finite limits, 0 where there are none."""
+    return float(np.abs(limits[np.isfinite(limits)]).max(initial=0.0))

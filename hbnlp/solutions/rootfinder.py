@@ -8,6 +8,7 @@ import casadi as ca
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.kept import by_one_thread
+from hbnlp.solutions.sizes import Sizes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +20,7 @@ class Rootfinder:
     plugin : str
         "newton", "fast_newton" or "kinsol".
     tol : float
-        Absolute tolerance on the residual.
+        Tolerance on the residual, relative to the size of its terms at the guess.
     max_iterations : int
     """
 
@@ -37,9 +38,11 @@ class Rootfinder:
             raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
 
     @by_one_thread
-    def solver(self, problem: HarmonicBalance) -> ca.Function:
-        """Return the compiled rootfinder (x, p) -> x."""
+    def solver(self, problem: HarmonicBalance, sizes: Sizes) -> ca.Function:
+        """Return the compiled rootfinder (x, p) -> x for the dimensionless balance: x stands for ``length * x``."""
+        x, p = ca.MX.sym("x", problem.size), ca.MX.sym("p", problem.p.numel())
+        residual = ca.Function("residual", [x, p], [problem.residual(sizes.length * x, p) / sizes.force])
         options: dict[str, object] = {"error_on_fail": False, "show_eval_warnings": False, "abstol": self.tol}
         if self.plugin != "fast_newton":
             options |= {"linear_solver": "lapacklu", "max_iter": self.max_iterations}
-        return ca.rootfinder("solver", self.plugin, problem.residual, options)
+        return ca.rootfinder("solver", self.plugin, residual, options)

@@ -15,11 +15,11 @@ from hbnlp.continuation.point import start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
-from hbnlp.core.errors import ConvergenceError, SamplingError
+from hbnlp.core.errors import ConvergenceError, NonFiniteError
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
-from hbnlp.solutions.cold_start import linear_guess
+from hbnlp.solutions.cold_start import linear_guess, linear_size
 from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.identity import meets, moved, without_turns
@@ -120,7 +120,7 @@ def find_all(
     TypeError
         For a problem, method, generator or callbacks of another kind.
     NonFiniteError
-        If the force or its derivative is not finite at rest.
+        If the force or its derivative is not finite at rest, and nothing is found.
 
     References
     ----------
@@ -138,7 +138,10 @@ def find_all(
         return sorted(motions.found, key=lambda s: float(np.linalg.norm(s.coefficients)))
 
     work = _attempts(problem, values, at, motions, known, options, rng)
-    return drive("searching", work, result, name="start", callbacks=callbacks)
+    solutions = drive("searching", work, result, name="start", callbacks=callbacks)
+    if not solutions:
+        linear_guess(problem, values)  # where the force is singular at rest, that is said
+    return solutions
 
 
 def _attempts(
@@ -153,7 +156,7 @@ def _attempts(
     """Add to what is found: around the known solutions and a cold start, then from one random start after another."""
     for solution in known:
         motions.polish(guess_for(problem, solution), "known")
-    with contextlib.suppress(ConvergenceError):
+    with contextlib.suppress(ConvergenceError, NonFiniteError):
         motions.add(solve(problem, at=at))
     reference = motions.largest
     visited = 0
@@ -189,7 +192,7 @@ class _Motions:
         self._problem, self._values, self._options = problem, values, options
         self._identity = Symmetry.identity(problem.system.n_dof)
         self._symmetries = problem.system.symmetries_at(values)
-        self._least = float(np.linalg.norm(linear_guess(problem, values)))
+        self._least = linear_size(problem, values)
 
     @property
     def largest(self) -> float:
@@ -198,11 +201,7 @@ class _Motions:
 
     def polish(self, guess: Array, start: str) -> None:
         """Add what Newton's method makes of a guess; ``start`` says where it is from."""
-        try:
-            solution = attempt(self._problem, self._values, guess, self._options.newton, start=start)
-        except SamplingError:  # it takes more samples than a smooth force does: no motion of so few harmonics
-            return
-        self.add(solution)
+        self.add(attempt(self._problem, self._values, guess, self._options.newton, start=start))
 
     def add(self, solution: Solution) -> None:
         """Add a motion and its images, unless it did not converge or is known."""

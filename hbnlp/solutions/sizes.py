@@ -1,6 +1,8 @@
-"""Sizes of motions by which others are measured where there is nothing to measure them by: at rest."""
+"""Sizes that make a balance dimensionless, for tolerances that are absolute, and those of motions beside rest."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,3 +35,25 @@ def size_of_nonlinearity(problem: HarmonicBalance, x: Array, direction: Array, v
         middle = 0.5 * (small + large)
         small, large = (small, middle) if leaves(middle) else (middle, large)
     return float(10.0**large)
+
+
+class Sizes(NamedTuple):
+    """Of the coefficients, and of the terms that the balance sums."""
+
+    length: float
+    force: float
+
+
+def sizes_at(problem: HarmonicBalance, x: Array, values: Array) -> Sizes:
+    """Return the sizes at a guess; one at rest has those of the load, or of the force at rest, over the stiffness."""
+    force, length = problem.assembly.term_size(x, values), float(np.linalg.norm(x))
+    if not (force > 0.0 and length > 0.0):
+        residual = float(np.abs(problem.assembly.residual(x, values)).max())
+        stiffness = float(np.abs(problem.assembly.jacobian(x, values)).max())
+        force = _usable(force) or residual
+        length = _usable(length) or (_usable(residual / stiffness) if stiffness > 0.0 else 0.0)
+    return Sizes(_usable(length) or 1.0, _usable(force) or 1.0)
+
+
+def _usable(size: float) -> float:
+    return size if np.isfinite(size) else 0.0

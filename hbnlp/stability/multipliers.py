@@ -2,6 +2,7 @@
 
 The linearised equations are integrated over the period (over one r-th of it, where their coefficients repeat r times)
 by Gauss collocation for all initial states at once; the mesh is refined until the multipliers of two meshes agree.
+Where coefficients switch, or turn sharply, it is graded towards these phases first.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.collocation import Gauss, StepMaps
+from hbnlp.stability.grading import Entries, graded
 from hbnlp.stability.result import Floquet, FloquetResult
 from hbnlp.stability.spectra import distance, ordered, product, spectrum
 from hbnlp.stability.variation import Linearisation, NodeValues, Variation
 from hbnlp.systems.plant import Plant
 from hbnlp.systems.system import System
 
+FEWEST_GRADED = 48
+"""Intervals of a period that a graded mesh begins with: a feature between their samples would not be seen."""
 _RESOLVED = 0.1  # two meshes whose multipliers differ by more are both too coarse to learn from
 
 
@@ -32,6 +36,8 @@ class _OnMesh(NamedTuple):
     multipliers: ComplexArray
     maps: Array
     log_determinant: float
+    n_intervals: int
+    resolved: bool = True
 
 
 class FloquetEvaluator:
@@ -52,7 +58,8 @@ class FloquetEvaluator:
     step map, hence shows when two meshes are compared, unlike with methods that damp it away. With rho the ratio of
     the two meshes, d the largest difference of their multipliers, paired, and m nodes, the error estimate is
     ``d rho^k / (1 - rho^k)`` with k = m / 2 instead of the order 2 m: the error of a double multiplier is a square
-    root, and the order falls in stiff systems and on coarse meshes. (If the derivatives of f are not smooth, k = 1.)
+    root, and the order falls in stiff systems and on coarse meshes. On graded meshes k = 1/2, and a kink
+    that is left within an interval adds the square of what it deviates from a polynomial.
 
     References
     ----------
@@ -92,7 +99,7 @@ class FloquetEvaluator:
         """
         x, p, period = self._checked(coefficients, values)
         plant, variation = self._linearised.plant(p), self._linearised.variation(x, p)
-        if variation.at is None:
+        if variation.at is None and variation.entries is None:
             return self._exact(self._mean_state_matrix(plant, variation), period)
         repeats, nodes, tol = variation.repeats, self.options.nodes, self.options.tol
         limit = max(self.options.max_intervals // repeats, 2)
@@ -100,21 +107,30 @@ class FloquetEvaluator:
             wanted = near.next_intervals * period / near.period
         else:
             wanted = self.options.intervals or self._estimated_intervals(plant, variation, period)
-        fine = min(max(ceil(wanted / repeats), 4), limit)
+        least = FEWEST_GRADED if variation.entries is not None else 4 * variation.bandwidth / (repeats * nodes)
+        fine = min(max(ceil(wanted / repeats), ceil(least), 4), limit)
         coarse = 2 * fine // 3
+        deviation = 1e-3 * tol**0.5
 
-        def on(intervals: int, at: NodeValues) -> _OnMesh:
-            return self._on_mesh(StepMaps(plant, self._gauss, period / repeats / intervals), at, intervals, repeats)
+        def on(intervals: int) -> _OnMesh:
+            if variation.entries is not None:
+                return self._on_graded(plant, variation.entries, period, intervals, deviation)
+            assert variation.at is not None
+            step_maps = StepMaps(plant, self._gauss, period / repeats / intervals)
+            return self._on_mesh(step_maps, variation.at, intervals, repeats)
 
-        before, now = on(coarse, variation.at), on(fine, variation.at)
+        before, now = on(coarse), on(fine)
         while True:
             change = distance(before.multipliers, now.multipliers)
-            ratio = (coarse / fine) ** (0.5 * nodes if variation.smooth else 1.0)
+            ratio = (coarse / fine) ** (0.5 * nodes if variation.entries is None else 0.5)
             error = change * ratio / (1.0 - ratio)
+            if variation.entries is not None:
+                error = error + deviation**2 if now.resolved else np.inf
             if error <= tol or fine == limit:
                 break
             coarse, fine = fine, min(ceil(fine * (1.5 if change < _RESOLVED else 2.0)), limit)
-            before, now = now, on(fine, variation.at)
+            deviation *= 0.1
+            before, now = now, on(fine)
         # A pair of meshes 2 to 3 that would just do, by the order of the method and with some reserve.
         excess = change * (2.0 / 3.0) ** (0.5 * nodes) / (0.2 * tol)
         enough = ceil(1.5 * coarse * min(max(excess ** (0.5 / nodes), 0.6), 1.3))
@@ -126,7 +142,7 @@ class FloquetEvaluator:
             period=period,
             log_determinant=repeats * now.log_determinant,
             error=error,
-            n_intervals=repeats * fine,
+            n_intervals=repeats * now.n_intervals,
             next_intervals=repeats * enough,
             options=self.options,
         )
@@ -169,9 +185,24 @@ class FloquetEvaluator:
                 maps.append(product(steps, 8 * (last - first) // intervals + 1))
             joined = np.concatenate(maps)
             multipliers = spectrum(joined) ** repeats
-        if not np.isfinite(multipliers).all():
-            multipliers = np.full(len(multipliers), np.inf + 0j)
-        return _OnMesh(ordered(multipliers), joined, log_determinant)
+        return _OnMesh(_finite(multipliers), joined, log_determinant, intervals)
+
+    def _on_graded(self, plant: Plant, entries: Entries, period: float, intervals: int, deviation: float) -> _OnMesh:
+        nodes, limit = self.options.nodes, self.options.max_intervals
+        mesh = graded(entries, intervals, nodes, tol=deviation, limit=limit)
+        maps = np.empty((len(mesh.levels), self.system.n_state, self.system.n_state))
+        for level in np.unique(mesh.levels):
+            step_maps = StepMaps(plant, self._gauss, period / intervals / 2.0**level)
+            (places,) = np.nonzero(mesh.levels == level)
+            for first in range(0, places.size, step_maps.batch):
+                here = places[first : first + step_maps.batch]
+                at_nodes = mesh.entries[here].reshape(here.size * nodes, -1)
+                maps[here] = step_maps(*self._linearised.matrices(at_nodes))
+        with np.errstate(over="ignore", invalid="ignore"):
+            log_determinant = float(np.linalg.slogdet(maps)[1].sum())
+            joined = product(maps, 8)
+            multipliers = spectrum(joined)
+        return _OnMesh(_finite(multipliers), joined, log_determinant, len(maps), mesh.resolved)
 
     def _exact(self, matrix: Array, period: float) -> FloquetResult:
         """Return the result for constant coefficients."""
@@ -187,6 +218,11 @@ class FloquetEvaluator:
             next_intervals=0,
             options=self.options,
         )
+
+
+def _finite(multipliers: ComplexArray) -> ComplexArray:
+    """Return multipliers in order; where one overflows, all are infinite."""
+    return ordered(multipliers) if np.isfinite(multipliers).all() else np.full(len(multipliers), np.inf + 0j)
 
 
 def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResult:

@@ -20,12 +20,16 @@ from hbnlp.core.native import PerThread, bound
 from hbnlp.core.types import Array, IntArray
 from hbnlp.fourier import basis_derivatives, basis_values, to_real
 from hbnlp.stability.collocation import Gauss
+from hbnlp.stability.grading import Entries
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.system import System
 
 # Harmonics smaller than this, relative to the largest, are rounding.
 _ROUNDING = 1e-12
+# Harmonics smaller than this hardly matter on a coarse mesh.
+_SMALL = 1e-3
 _MOST_SAMPLES = 1024
+_BLOCK = 256  # phases at which the derivatives of f are evaluated together where there is no series
 # Numbers of samples whose memory is kept: those of a mesh and of the next ones.
 _MOST_SAMPLERS = 16
 
@@ -43,15 +47,19 @@ class Variation(NamedTuple):
     repeats : int
         How often they repeat in the period.
     at : callable or None
-        Their values ((last - first) * nodes, n_entries) on a mesh; None where they are constant.
-    smooth : bool
-        Whether their Fourier series converges; if not, ``at`` evaluates f's derivatives at the nodes themselves.
+        Their values ((last - first) * nodes, n_entries) on a uniform mesh; None where they are constant, and where
+        their Fourier series does not converge.
+    bandwidth : int
+        The highest harmonic that is not small: a mesh has to resolve it.
+    entries : callable or None
+        Where it does not: f's derivatives themselves, (count, n_entries) at phases (count,).
     """
 
     mean: Array
     repeats: int
     at: NodeValues | None
-    smooth: bool = True
+    bandwidth: int = 0
+    entries: Entries | None = None
 
 
 class Linearisation:
@@ -114,9 +122,10 @@ class Linearisation:
             if np.abs(check @ series - entries[count:]).max() <= self._tol * scale:
                 break
             if count > _MOST_SAMPLES:
-                return Variation(series[0], 1, self._on_demand(coefficients, values), smooth=False)
+                return Variation(series[0], 1, None, entries=self._on_demand(coefficients, values))
             count *= 2
-        present = np.flatnonzero(np.abs(amplitudes[1:]).max(axis=1) > _ROUNDING * scale) + 1
+        sizes = np.abs(amplitudes[1:]).max(axis=1)
+        present = np.flatnonzero(sizes > _ROUNDING * scale) + 1
         if not len(present):
             return Variation(series[0], 1, None)
         repeats, highest, nodes = gcd(*present.tolist()), int(present[-1]), self._nodes
@@ -127,15 +136,20 @@ class Linearisation:
             at_nodes: Array = basis[first * nodes : last * nodes] @ series
             return at_nodes
 
-        return Variation(series[0], repeats, at)
+        bandwidth = int(np.flatnonzero(sizes > _SMALL * scale).max(initial=0)) + 1
+        return Variation(series[0], repeats, at, bandwidth)
 
-    def _on_demand(self, coefficients: Array, values: Array) -> NodeValues:
-        """Return the evaluation at the nodes themselves, for a force whose series does not converge."""
+    def _on_demand(self, coefficients: Array, values: Array) -> Entries:
+        """Return the evaluation at any phases, for a force whose series does not converge."""
 
-        def at(intervals: int, first: int, last: int) -> Array:
-            return self.samples(_phases(intervals, self._nodes, first, last), coefficients, values)
+        def entries(theta: Array) -> Array:
+            # a number of samples is compiled once, and these are of many
+            blocks = [theta[i : i + _BLOCK] for i in range(0, theta.size, _BLOCK)]
+            padded = (np.append(block, np.full(_BLOCK - block.size, block[0])) for block in blocks)
+            found = [self.samples(block, coefficients, values).copy() for block in padded]
+            return np.concatenate(found)[: theta.size]
 
-        return at
+        return entries
 
     def _sample(self, theta: Array, sampling: Array, slope: Array, coefficients: Array, values: Array) -> Array:
         evaluate, (q, v, tau, p, entries) = self._memory().sampler(len(theta))
@@ -182,10 +196,6 @@ class _Memory:
         return self._samplers.get(count, build)
 
 
-def _phases(intervals: int, nodes: int, first: int, last: int) -> Array:
-    return 2.0 * np.pi / intervals * np.add.outer(np.arange(first, last), Gauss.of(nodes).c).ravel()
-
-
 def _filled(places: IntArray, part: Array, n: int) -> Array:
     matrices = np.zeros((len(part), n * n))
     matrices[:, places] = part
@@ -206,4 +216,5 @@ def _equidistant(count: int, n_harmonics: int) -> tuple[Array, Array, Array, Arr
 
 @lru_cache(maxsize=32)
 def _basis_at_nodes(intervals: int, nodes: int, n_harmonics: int) -> Array:
-    return basis_values(_phases(intervals, nodes, 0, intervals), n_harmonics)
+    phases = 2.0 * np.pi / intervals * np.add.outer(np.arange(intervals), Gauss.of(nodes).c).ravel()
+    return basis_values(phases, n_harmonics)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import finite_numbers, instance_of, list_of_callables, whole_number
+from hbnlp.core.checks import instance_of, list_of_callables, whole_number
 from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_real
@@ -80,9 +80,7 @@ def march(
     instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...), which march a System")
     list_of_callables("callbacks", callbacks)
     check_limits(periods, max_periods, periodic_tol)
-    marched = finite_numbers("values", values)
-    if name == "omega" and marched.min() <= 0.0:
-        raise ValueError(f"values of omega reach {marched.min():g}; time integration needs a period, so omega > 0")
+    marched = system.parameters.series(name, values)
     whole_number("n_harmonics", n_harmonics, least=1)
     point = system.parameters.values(at, but=(name,))
     index = system.parameters.index(name)

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import finite_numbers
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, NonFiniteError
 from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
@@ -60,7 +59,7 @@ class NewtonMarch:
         method: Newton,
         start: Solution | ArrayLike | None = None,
     ) -> None:
-        marched = finite_numbers("values", values)
+        marched = problem.system.parameters.series(name, values)
         if not isinstance(method, Newton):
             raise TypeError(
                 f"method is {method!r}; a HarmonicBalance is marched by Newton(...), a System by integration"
@@ -98,6 +97,10 @@ class NewtonMarch:
                 at = self._problem.system.parameters.as_dict(self._parameters(value))
                 new = solve(self._problem, at=at, method=self._method)
             except ConvergenceError:
+                new = None
+            except NonFiniteError:  # at rest: nothing to start from but the last solution, which leads nowhere
+                if last is None and not self._rows:
+                    raise
                 new = None
         if last is not None and new is not None:
             change = relative_change(last.coefficients, new.coefficients)

@@ -16,7 +16,8 @@ from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.errors import LinearInstabilityWarning
 from hbnlp.core.renamed import renamed_arguments, renamed_name
 from hbnlp.core.types import ComplexArray
-from hbnlp.systems.system import System
+from hbnlp.systems.parameters import OMEGA
+from hbnlp.systems.system import System, depends_on_omega
 
 Point = tuple[float, ComplexArray]
 
@@ -33,7 +34,8 @@ def eigenvalues(
     ----------
     system : System
     at : mapping of parameter names to values, optional
-        Overrides of the defaults; omega is not needed.
+        Overrides of the defaults; omega is needed only where a matrix or the force's derivative depends on it, as in
+        a rotor that turns at this speed.
     rest : array_like, shape (n_dof,), optional
         Displacements about which the force is linearised; zero by default.
 
@@ -41,6 +43,12 @@ def eigenvalues(
     -------
     ndarray of complex, shape (n_state,)
         Growth rates and angular frequencies per unit of time.
+
+    Raises
+    ------
+    ValueError, KeyError
+        For a parameter that is not known, or a value that is no finite number or missing, omega's included where the
+        linearisation depends on it.
     """
     values = np.asarray(np.linalg.eigvals(system.linearisation(at, rest=rest)), dtype=complex)
     return values[np.lexsort((-values.imag, -values.real))]
@@ -128,7 +136,7 @@ def stability_limits(
     ----------
     system : System
     name : str
-        Any parameter but omega, on which linear stability does not depend.
+        Any parameter; omega, where a matrix or the force's derivative depends on it.
     span : two floats
         Its lowest and highest value, in either order.
     at : mapping of parameter names to values, optional
@@ -144,11 +152,13 @@ def stability_limits(
     KeyError
         If there is no such parameter.
     ValueError
-        If the span has zero length or is not finite, or ``name`` is omega.
+        If the span has zero length or is not finite, or ``name`` is omega and the linearisation does not depend on it.
     """
     system.parameters.index(name)
-    if name == "omega":
-        raise ValueError("name is 'omega', the forcing's frequency, on which linear stability does not depend")
+    if name == OMEGA and not depends_on_omega(system, rest):
+        raise ValueError(
+            f"name is 'omega', the forcing's frequency, on which linear stability of {system.name!r} does not depend"
+        )
     n_points = whole_number("n_points", n_points, least=2)
     if len(span) != 2:
         raise ValueError(f"span is {span!r}; give two values, the lowest and the highest")
@@ -219,11 +229,12 @@ def _limit(name: str, left: Point, right: Point, spectrum: Callable[[float], Poi
 
 
 def _rest_output(system: System, name: str, at: Mapping[str, float] | None, rest: ArrayLike | None) -> float | None:
-    """Return an output at rest, or None if the system has none of that name."""
+    """Return an output at rest; None if the system has none of that name, or it needs an omega that has no value."""
     if name not in system.output_names:
         return None
     n = system.n_dof
-    values = np.nan_to_num(system.parameters.values(at, but=("omega",)))
+    values = system.parameters.values(at, but=(OMEGA,))
     q = np.zeros(n) if rest is None else np.asarray(rest, dtype=float)
     outputs = system.outputs(q, np.zeros(n), np.zeros(n), np.zeros(system.n_lags), 0.0, values)
-    return float(np.array(outputs)[system.output_index(name), 0])
+    value = float(np.array(outputs)[system.output_index(name), 0])
+    return value if np.isfinite(value) else None

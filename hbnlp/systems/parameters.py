@@ -6,9 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import as_float, finite_numbers, instance_of, unknown_name
 from hbnlp.core.types import Array
+
+OMEGA = "omega"
+"""The parameter that every system has: the angular frequency of its excitation."""
 
 
 class Namespace(Mapping[str, Any]):
@@ -53,14 +57,16 @@ class ParameterSet:
 
     def __init__(self, defaults: Mapping[str, float]) -> None:
         entries = dict(defaults)
-        entries.setdefault("omega", np.nan)
+        entries.setdefault(OMEGA, np.nan)
+        self.defaults: dict[str, float] = {}
         for name, value in entries.items():
             if not name.isidentifier():
                 raise ValueError(f"parameter name {name!r} is not a Python identifier; rename it")
-            if not _is_number(value) or np.isinf(float(value)):
+            number = as_float(value)
+            if number is None or np.isinf(number):
                 raise ValueError(f"parameter {name!r} has the value {value!r}; a finite number is needed")
+            self.defaults[name] = number
         self.names: tuple[str, ...] = tuple(entries)
-        self.defaults = {name: float(value) for name, value in entries.items()}
 
     def index(self, name: str) -> int:
         """Return the position of ``name``, or raise a KeyError with the nearest known name."""
@@ -72,14 +78,28 @@ class ParameterSet:
     def values(self, at: Mapping[str, float] | None = None, *, but: Iterable[str] = ()) -> Array:
         """Return all values in order, the defaults overridden by ``at``.
 
-        Parameters named in ``but`` may be without a value (they are about to be varied) and are then ``nan``.
+        Parameters named in ``but`` may be without a value (they are about to be varied, or not needed) and are then
+        ``nan``; unless omega is one of them, it must be positive, so that there is a period.
+
+        Raises
+        ------
+        KeyError
+            For a name that is not known.
+        ValueError
+            For a value that is missing or no finite number (text, truth values and complex values are none), or an
+            omega that is not positive.
+        TypeError
+            If ``at`` is no mapping.
         """
         merged = dict(self.defaults)
-        for name, value in (at or {}).items():
-            self.index(name)
-            if not _is_number(value) or not np.isfinite(float(value)):
-                raise ValueError(f"parameter {name!r} was given as {value!r}; a finite number is needed")
-            merged[name] = float(value)
+        if at is not None:
+            instance_of("at", at, Mapping, "a mapping of parameter names to values, such as {'omega': 1.0}")
+            for name, value in at.items():
+                self.index(name)
+                number = as_float(value)
+                if number is None or not np.isfinite(number):
+                    raise ValueError(f"parameter {name!r} was given as {value!r}; a finite number is needed")
+                merged[name] = number
         free = set(but)
         for name in free:
             self.index(name)
@@ -88,7 +108,50 @@ class ParameterSet:
             raise ValueError(
                 f"parameter {missing[0]!r} has no value; give one, for instance at={{{missing[0]!r}: 1.0}}"
             )
+        if OMEGA not in free:
+            check_period(merged[OMEGA])
         return np.array([merged[name] for name in self.names])
+
+    def series(self, name: str, values: ArrayLike, *, what: str = "values") -> Array:
+        """Return values of one parameter, to be taken one after another, as an array (k,); omega's are positive.
+
+        Raises
+        ------
+        KeyError
+            For a name that is not known.
+        ValueError
+            For anything but a sequence of finite numbers, or an omega that is not positive.
+        """
+        self.index(name)
+        numbers = finite_numbers(what, values)
+        if name == OMEGA:
+            check_period(float(numbers.min()), "values of omega reach")
+        return numbers
+
+    def span(self, name: str, span: Any, *, what: str = "span") -> tuple[float, float]:
+        """Return two different values of one parameter, as they come; a span of omega lies above zero.
+
+        Raises
+        ------
+        KeyError
+            For a name that is not known.
+        ValueError
+            For anything but two different finite numbers, or an omega that is not positive.
+        """
+        self.index(name)
+        wrong = f"{what} = {span!r}; two finite values of {name} are needed, where to begin and where to end"
+        ends = [as_float(end) for end in span] if isinstance(span, Iterable) else []
+        numbers = [end for end in ends if end is not None and np.isfinite(end)]
+        if len(ends) != 2 or len(numbers) != 2:
+            raise ValueError(wrong)
+        begin, end = numbers
+        if begin == end:
+            raise ValueError(f"{what} = {span!r} has no length; give two different values of {name}")
+        if name == OMEGA and min(begin, end) <= 0.0:
+            raise ValueError(
+                f"{what} = {span!r} reaches omega = 0, where the period is infinite; begin above, for instance at 1e-3"
+            )
+        return begin, end
 
     def ordered(self, mapping: Mapping[str, float]) -> Array:
         """Return the values of a mapping that has every parameter, in order, whatever the order of the mapping.
@@ -110,9 +173,7 @@ class ParameterSet:
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}
 
 
-def _is_number(value: Any) -> bool:
-    try:
-        float(value)
-    except (TypeError, ValueError):
-        return False
-    return np.ndim(value) == 0
+def check_period(omega: float, said: str = "omega =") -> None:
+    """Raise a ValueError, which begins as said, unless the excitation has a period at this omega."""
+    if not omega > 0.0:
+        raise ValueError(f"{said} {omega:g}; the period of the excitation is 2 pi / omega: give omega > 0")

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.kept import by_one_thread
-from hbnlp.core.types import ComplexArray
-from hbnlp.fourier import FourierBasis, to_complex
-from hbnlp.systems.excitation_samples import FIRST_HARMONIC_SAMPLES
-from hbnlp.systems.system import System
+from hbnlp.core.types import Array, ComplexArray
+from hbnlp.fourier import to_complex
+from hbnlp.systems.parameters import OMEGA
+from hbnlp.systems.signals import PeriodicSignals, excitation_signals
+from hbnlp.systems.system import System, depends_on_omega
 
 
 def linear_response(
@@ -31,7 +32,7 @@ def linear_response(
     output : str
         Name of an output; a nonlinear one is linearised about rest.
     omega : array_like, any shape (...)
-        Angular frequencies.
+        Angular frequencies, positive.
     at : mapping of parameter names to values, optional
         Overrides of the defaults.
     held : bool
@@ -44,43 +45,52 @@ def linear_response(
         Amplitudes a_1 - i a_2 of ``a_1 cos(tau) + a_2 sin(tau)``.
     """
     index = system.output_index(output)
-    frequencies = np.asarray(omega, dtype=float)
-    slot = system.parameters.index("omega")
-    base = system.parameters.values(at, but=("omega",))
-    count = FIRST_HARMONIC_SAMPLES
-    basis = FourierBasis(1, count)
-    excitation, outputs, slopes = system.excitation.map(count), system.outputs.map(count), _output_slopes(system, index)
+    given = np.asarray(omega, dtype=object)
+    frequencies = system.parameters.series(OMEGA, given.ravel(), what=OMEGA).reshape(given.shape)
+    slot = system.parameters.index(OMEGA)
+    base = system.parameters.values(at, but=(OMEGA,))
+    forcing, motion = excitation_signals(system)
+    at_rest, slopes = _output_at_rest(system, index), _output_slopes(system, index)
     n, m = system.n_dof, system.n_lags
-    laws = [system.mass, system.damping, system.stiffness, system.lag_output, system.force]
-    varies = any(ca.depends_on(law, system.p[slot]) for law in laws)
-    matrix = system.linearisation(system.parameters.as_dict(np.nan_to_num(base)))
+    matrix, varies = None, depends_on_omega(system)
     amplitudes = np.empty(frequencies.shape, dtype=complex)
     for position in np.ndindex(frequencies.shape):
         values = base.copy()
         values[slot] = frequencies[position]
         s = 1j * values[slot]
-        parameters = np.tile(values[:, np.newaxis], count)
-        load, lag_load = (_first(basis, e) for e in excitation(basis.theta[np.newaxis, :], parameters))
+        u = _first(motion, values)
+        by_u, by_du, by_ddu = (e.full() for e in system.matrices(values)[4:])
+        load, lag_load = (
+            _first(forcing, values) + (by_u + s * by_du + s**2 * by_ddu) @ u,
+            s**2 * (system.lag_motion @ u),
+        )
         if held:
             lags = np.linalg.solve(s * np.eye(m) - system.lag_state, lag_load) if m else lag_load
             state = np.concatenate([np.zeros(2 * n), lags])
         else:
             acceleration = np.linalg.solve(system.state_matrices(values)[0], load)
             drive = np.concatenate([np.zeros(n), acceleration, system.lag_input @ acceleration + lag_load])
-            if varies:
+            if matrix is None or varies:
                 matrix = system.linearisation(system.parameters.as_dict(values))
             state = np.linalg.solve(s * np.eye(2 * n + m) - matrix, drive)
         q, v, x = state[:n], state[n : 2 * n], state[2 * n :]
         signals = np.concatenate([q, v, s * v, x])
-        still = [np.zeros((size, count)) for size in (n, n, n, m)]
-        direct = _first(basis, outputs(*still, basis.theta[np.newaxis, :], parameters))[index]
-        amplitudes[position] = direct + np.array(slopes(values))[0] @ signals
+        amplitudes[position] = _first(at_rest, values)[0] + np.array(slopes(values))[0] @ signals
     return amplitudes
 
 
-def _first(basis: FourierBasis, samples: ca.DM) -> ComplexArray:
-    """Return the first-harmonic amplitudes of signals sampled along the columns."""
-    return to_complex(samples.full() @ basis.projection.T)[:, 1]
+def _first(signals: PeriodicSignals, values: Array) -> ComplexArray:
+    """Return the first-harmonic amplitudes of signals."""
+    return to_complex(signals.coefficients(values, 1))[:, 1]
+
+
+@by_one_thread
+def _output_at_rest(system: System, index: int) -> PeriodicSignals:
+    """Return an output as a signal while nothing moves but what is prescribed."""
+    still = [ca.SX.zeros(size) for size in (system.n_dof, system.n_dof, system.n_dof, system.n_lags)]
+    value = system.outputs(*still, system.tau, system.p)[index]
+    name = f"output {system.output_names[index]!r}"
+    return PeriodicSignals(name, value, system.tau, system.p, system.parameters)
 
 
 @by_one_thread

@@ -21,6 +21,7 @@ from hbnlp.systems.expressions import (
     Force,
     Matrix,
     Output,
+    Phased,
     Signal,
     check_periodicity,
     check_symbols,
@@ -32,7 +33,7 @@ from hbnlp.systems.expressions import (
     numbers,
 )
 from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmetries, names_of_displacements
-from hbnlp.systems.parameters import Namespace, ParameterSet
+from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.symmetry import Symmetry
 
@@ -271,10 +272,24 @@ class System:
     def linearisation(self, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None) -> Array:
         """Return the state matrix (n_state, n_state) of (q, q', x), linearised about rest.
 
-        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0; omega, where it
-        has no value, is taken as zero: a system whose matrices depend on it has no linearisation without one.
+        The nonlinear force is linearised at ``q = rest`` (zero by default), ``q' = 0`` and tau = 0. Omega needs a
+        value, of any sign, only where the linearisation depends on it: a rotor's speed.
+
+        Raises
+        ------
+        ValueError
+            If the linearisation depends on omega, which has no value, or the mass matrix is singular.
+        NonFiniteError
+            If the force has no finite derivative there.
         """
-        values = np.nan_to_num(self.parameters.values(at, but=("omega",)))
+        values = self.parameters.values(at, but=(OMEGA,))
+        if np.isnan(values).any():
+            if depends_on_omega(self, rest):
+                raise ValueError(
+                    f"the linearisation of {self.name!r} depends on omega, which has no value; give one, for instance "
+                    "at={'omega': 1.0}"
+                )
+            values = np.where(np.isnan(values), 1.0, values)
         q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
         plant = Plant(*self.state_matrices(values), self.lag_state, self.lag_input)
         force_q, force_v = self.compiled_force.tangents(q0, np.zeros(self.n_dof), 0.0, values)
@@ -329,6 +344,18 @@ class System:
         )
 
 
+@by_one_thread
+def depends_on_omega(system: System, rest: ArrayLike | None = None) -> bool:
+    """Return whether the linearisation depends on omega: a matrix, or the derivative of the nonlinear force at rest."""
+    q0 = np.zeros(system.n_dof) if rest is None else np.asarray(rest, dtype=float)
+    slope = ca.jacobian(system.force, ca.vertcat(system.q, system.v))
+    state = ca.vertcat(system.q, system.v, system.tau)
+    slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(system.n_dof + 1)]))
+    omega = system.p[system.parameters.index(OMEGA)]
+    laws = [system.mass, system.damping, system.stiffness, system.lag_output, slope]
+    return any(ca.depends_on(law, omega) for law in laws)
+
+
 _RECEIVED: Kept[System] = Kept(8)
 
 
@@ -348,11 +375,12 @@ def _check_signals(
 ) -> None:
     """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
     q, v, tau, p = symbols
-    state = [*np.random.default_rng(7).uniform(-1.0, 1.0, (2, q.numel()))]
-    defaults = parameters.ordered(parameters.defaults)
-    state.append(np.where(np.isfinite(defaults) & (defaults != 0.0), defaults, 1.0))
+    rng, defaults = np.random.default_rng(7), parameters.ordered(parameters.defaults)
+    known = np.isfinite(defaults) & (defaults != 0.0)
+    typical = [*rng.uniform(-1.0, 1.0, (2, q.numel())), np.where(known, defaults, 1.0)]
+    phased = Phased(tau, [q, v, p], typical, parameters.index(OMEGA))
     check_symbols("nonlinear_force", force, [tau, q, v, p])
     check_symbols("forcing", forcing, [tau, p])
     check_symbols("motion", motion, [tau, p])
     for what, expression in (("nonlinear_force", force), ("forcing", forcing), ("motion", motion)):
-        check_periodicity(what, expression, tau, [q, v, p], state)
+        check_periodicity(what, expression, phased)

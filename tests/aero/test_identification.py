@@ -94,11 +94,11 @@ def test_noise_is_not_fitted_by_more_poles(seed, caplog):
     errors = rng.standard_normal((2, *exact.values.shape)) / np.sqrt(2.0)
     noisy = exact.values + 0.02 * np.abs(exact.values) * (errors[0] + 1j * errors[1])
     found = identify(dataclasses.replace(exact, values=noisy))
-    assert found.n_poles == 4
-    assert exact.column_errors(found.rom.transfer(1j * OMEGA)).max() < 0.02
+    assert found.n_poles == 3
+    assert exact.column_errors(found.rom.transfer(1j * OMEGA)).max() < 0.015
     (record,) = caplog.records
     assert re.search(
-        rf"the error is {found.error:.2e} with 4 poles, .* up to 40 poles only fit the noise, some 2.0e-02: set toler",
+        rf"the error is {found.error:.2e} with 3 poles, .* up to 40 poles only fit the noise, some 2.0e-02: set toler",
         record.getMessage(),
     )
 
@@ -295,3 +295,159 @@ def test_the_report_has_a_picture():
     figure = found.plot()
     assert len(figure.axes) == 9
     assert "relative error" in repr(found)
+
+
+def random_rational(seed, n_frequencies=60):
+    """Return a response and its poles: 0 to 8 poles, 0 to 5 modes, 2 to 5 decades, even, logarithmic or no spacing."""
+    rng = np.random.default_rng(seed)
+    shape = (rows := int(rng.integers(1, 7)), rows + 1)
+    lowest = 10.0 ** rng.uniform(-3.0, 0.0)
+    highest = lowest * 10.0 ** rng.uniform(2.0, 5.0)
+    omega = [
+        np.geomspace(lowest, highest, n_frequencies),
+        np.linspace(lowest, highest, n_frequencies),
+        np.sort(np.geomspace(lowest, highest, 10**4)[rng.choice(10**4, n_frequencies, replace=False)]),
+    ][rng.integers(3)]
+    poles, residues = [], []
+    for _ in range(rng.integers(0, 5)):
+        size = np.exp(rng.uniform(np.log(2.0 * omega[0]), np.log(0.5 * omega[-1])))
+        residue = rng.normal(size=shape) + 1j * rng.normal(size=shape)
+        if rng.random() < 0.4:
+            residue = np.outer(residue[:, 0], residue[0])
+        ratio = rng.uniform(0.15, 1.85)
+        if ratio < 1.0:
+            pole = size * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
+            poles += [pole, pole.conjugate()]
+            residues += [residue, residue.conj()]
+        else:
+            poles.append(complex(-size))
+            residues.append(residue.real.astype(complex))
+    k, d, m = rng.normal(size=(3, *shape))
+    fit = PoleFit(
+        poles=np.array(poles, dtype=complex), residues=np.array(residues, dtype=complex).reshape(-1, *shape),
+        stiffness=k, damping=d, mass=m / omega[-1] ** rng.uniform(),
+    )  # fmt: skip
+    return response_of(fit, omega), fit
+
+
+def own_error(rom, response):
+    """Return the largest error of a column by the matrices themselves, and check that the record says the same."""
+    s = 1j * response.omega[:, None, None]
+    states = np.linalg.solve(s * np.eye(rom.n_lags) - rom.lag_state, s**2 * rom.lag_input)
+    loads = rom.stiffness + s * rom.damping + s**2 * rom.mass + rom.lag_output @ states
+    error = np.max(np.linalg.norm(loads - response.values, axis=1) / response.column_sizes)
+    assert rom.provenance.fit_error == pytest.approx(error, rel=1e-6, abs=1e-11)
+    return error
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rational_data_give_their_own_poles_and_ranks_and_no_others(seed):
+    response, truth = random_rational(seed)
+    found = identify(response)
+    assert own_error(found.rom, response) < 1e-8
+    assert found.error == pytest.approx(found.rom.provenance.fit_error, abs=1e-15)
+    assert found.n_poles == truth.poles.size
+    ranks = sum(np.linalg.matrix_rank(residue, tol=1e-9) for residue in truth.residues)
+    assert found.rom.n_lags == ranks
+    for pole in truth.poles:
+        assert np.abs(found.rom.poles - pole).min() < 1e-6 * abs(pole)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", ["noise", "unstable", "delay", "reduced"])
+def test_the_stated_error_is_that_of_the_rom_that_is_returned(kind, seed, caplog):
+    """Whatever the data, and never more than the log says."""
+    response, _ = random_rational(100 + seed, n_frequencies=30)
+    values, rng, n_lags = response.values, np.random.default_rng(seed), None
+    if kind == "noise":
+        values = values * (1.0 + [1e-3, 0.01, 0.03, 0.05][seed] * rng.normal(size=values.shape))
+    elif kind == "unstable":
+        pole, s = 0.3 * response.omega[15], 1j * response.omega[:, None, None]
+        values = values + s**2 / (s - pole)
+    elif kind == "delay":
+        values = values * np.exp(-2j * response.omega / response.omega[-1])[:, None, None]
+    else:
+        n_lags = 2
+    response = dataclasses.replace(response, values=values)
+    found = identify(response, n_lags=n_lags, most_poles=16)
+    error = own_error(found.rom, response)
+    if error > 5e-3:
+        assert n_lags or f"the error is {error:.2e}" in caplog.text
+    # no lag state far from the band, where it would be a part of D and M
+    assert np.all(np.abs(found.rom.poles) < 1.001e3 * response.omega[-1])
+    assert np.all(np.abs(found.rom.poles) > 0.999e-3 * response.omega[0])
+
+
+def rational(poles=(-0.1, -1.0, -6.0), sizes=(1.0, 0.5, 0.2)):
+    s = 1j * OMEGA
+    values = 1.0 + 0.2 * s + s**2 * sum(size / (s - pole) for pole, size in zip(poles, sizes, strict=True))
+    return FrequencyResponse(
+        omega=OMEGA, values=np.stack([values, 2.0 * values], axis=-1)[:, None, :], static=np.array([[1.0, 2.0]]),
+        base_load=np.zeros(1),
+    )  # fmt: skip
+
+
+def test_a_lag_is_not_dropped_because_another_is_larger():
+    """Residues 1e6 apart, the small one at the frequency where it is seen."""
+    response = rational(poles=(-0.02, -80.0), sizes=(1.0, 1e6))
+    found = identify(response, tolerance=1e-9)
+    assert found.rom.poles == pytest.approx([-0.02, -80.0], rel=1e-6)
+    assert own_error(found.rom, response) < 1e-9
+
+
+@pytest.mark.parametrize("n_lags", [None, 2])
+def test_a_motion_without_load_has_columns_of_zeros(n_lags):
+    response = rational()
+    response = dataclasses.replace(
+        response, values=response.values * np.array([1.0, 0.0]), static=response.static * np.array([1.0, 0.0])
+    )
+    found = identify(response, n_lags=n_lags)
+    assert own_error(found.rom, response) < (1e-12 if n_lags is None else 0.04)
+    assert np.abs(found.rom.transfer(1j * OMEGA)[:, :, 1]).max() < 1e-12
+    if n_lags is None:
+        assert found.rom.poles == pytest.approx([-0.1, -1.0, -6.0], rel=1e-8)
+    with pytest.raises(ValueError, match=r"damping\[1\] is \[-1.\], but the response to z is zero"):
+        identify(response, damping={1: np.array([-1.0])})
+
+
+def test_a_load_without_motion_has_rows_of_zeros():
+    response, _ = random_rational(9)
+    keep = np.ones((response.n_modes + 1, 1))
+    keep[-1] = 0.0
+    response = dataclasses.replace(response, values=response.values * keep, static=response.static * keep)
+    found = identify(response)
+    assert own_error(found.rom, response) < 1e-8
+    assert np.abs(found.rom.transfer(1j * response.omega)[:, -1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("n_lags", [None, 0, 3])
+def test_quasi_steady_and_zero_data_have_no_lags(n_lags):
+    s = 1j * OMEGA
+    for values in (1.0 + 0.2 * s + 3.0 * s**2, 1.0 + 0.0 * s, 0.0 * s):
+        response = dataclasses.replace(
+            rational(), values=np.stack([values, values], axis=-1)[:, None, :], static=np.full((1, 2), values[0].real)
+        )
+        if values[0].imag:
+            response = dataclasses.replace(response, static=np.ones((1, 2)))
+        found = identify(response, n_lags=n_lags)
+        assert found.rom.n_lags == found.n_poles == 0
+        assert own_error(found.rom, response) < 1e-12
+
+
+@pytest.mark.parametrize("index", [0, 30, 59])
+def test_a_column_that_vanishes_at_one_frequency_is_measured_by_its_surroundings(index):
+    response = rational()
+    values = response.values.copy()
+    values[index, :, 0] *= 1e-9
+    dip = dataclasses.replace(response, values=values)
+    assert dip.column_sizes[index, 0] == pytest.approx(0.1 * abs(response.values[index, 0, 0]), rel=0.5)
+    untouched = np.delete(np.arange(60), index)
+    np.testing.assert_array_equal(dip.column_sizes[untouched], response.column_sizes[untouched])
+    np.testing.assert_allclose(response.column_sizes, np.abs(response.values[:, 0]), rtol=1e-14)
+    own_error(identify(dip).rom, dip)
+
+
+def test_two_frequencies_are_too_few():
+    response = rational()
+    with pytest.raises(ValueError, match="2 frequencies and most_poles 40 are too few"):
+        identify(dataclasses.replace(response, omega=OMEGA[:2], values=response.values[:2]))

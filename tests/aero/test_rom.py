@@ -1,5 +1,6 @@
 """The ROM record: its transfer function, its truncation, its files, and what it refuses."""
 
+import copy
 import json
 import sys
 from dataclasses import replace
@@ -175,10 +176,21 @@ def test_loading_validates(tmp_path):
 @given(rom=roms)
 def test_statespace_round_trip_is_exact(rom):
     pytest.importorskip("control")
-    back = AeroROM.from_statespace(
-        rom.to_statespace(), base_motion=rom.base_motion, base_load=rom.base_load, provenance=rom.provenance
-    )
-    assert back == rom
+    assert AeroROM.from_statespace(rom.to_statespace()) == rom
+
+
+def test_a_changed_statespace_has_no_provenance_but_its_name():
+    control = pytest.importorskip("control")
+    about = Provenance(source="theory", reynolds=100.0, band=(0.1, 60.0), fit_error=0.01)
+    rom = AeroROM(**valid(), provenance=about)
+    system = rom.to_statespace()
+    assert AeroROM.from_statespace(copy.deepcopy(system)) == rom
+    other = Provenance(source="mine")
+    assert AeroROM.from_statespace(system, provenance=other).provenance == other
+    again = control.ss(system.A, system.B, system.C, system.D, name="again")
+    assert AeroROM.from_statespace(again).provenance == Provenance(source="control.StateSpace 'again'")
+    system.D = 2.0 * system.D
+    assert AeroROM.from_statespace(system).provenance == Provenance(source="control.StateSpace 'AeroROM'")
 
 
 def test_statespace_is_the_transfer_function_from_accelerations():

@@ -13,6 +13,7 @@ import pytest
 from hbnlp.balance.problem import MOST_RELATIVES, HarmonicBalance
 from hbnlp.balance.sampling import ALIASING_TOL, MOST_SAMPLES, Sampling
 from hbnlp.systems import chain, duffing
+from hbnlp.systems.spectrum import Spectrum
 from hbnlp.systems.system import System
 
 
@@ -31,22 +32,19 @@ def pendulum():
 
 
 @pytest.mark.parametrize(
-    ("n_harmonics", "periods", "given", "force", "excitation", "outputs"),
+    ("n_harmonics", "periods", "given", "force", "outputs"),
     [
-        (1, 1, None, 5, 128, 9),
-        (7, 1, None, 29, 128, 57),
-        (7, 2, None, 29, 240, 57),
-        (7, 2, 100, 100, 240, 100),
-        (3, 5, 7, 7, 280, 25),
+        (1, 1, None, 5, 9),
+        (7, 1, None, 29, 57),
+        (7, 2, None, 29, 57),
+        (7, 2, 100, 100, 100),
+        (3, 5, 7, 7, 25),
     ],
 )
-def test_the_numbers_of_samples_of_a_cubic_force(n_harmonics, periods, given, force, excitation, outputs):
+def test_the_numbers_of_samples_of_a_cubic_force(n_harmonics, periods, given, force, outputs):
     sampling = Sampling.of(duffing(), n_harmonics, periods, given)
-    assert (sampling.force.n_samples, sampling.excitation.n_samples, sampling.outputs.n_samples) == (
-        force,
-        excitation,
-        outputs,
-    )
+    linear = Spectrum(degree=1, highest=0)
+    assert (sampling.force.n_samples, sampling.outputs(linear).n_samples) == (force, outputs)
     assert sampling.settled
     assert sampling.automatic is (given is None)
 

@@ -9,6 +9,7 @@ from scipy.special import jv
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.balance.sampling import ALIASING_TOL, polynomial_degree, sufficient_samples
 from hbnlp.branches.tracing import trace
+from hbnlp.core.errors import ConvergenceError
 from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
@@ -164,7 +165,7 @@ def test_a_trace_records_the_samples_of_every_point_and_they_suffice():
 
 def test_a_force_with_a_kink_is_refused_with_a_remedy_that_works():
     system = oscillator(lambda x, v, tau, p: ca.fmax(x - 0.5, 0.0))
-    with pytest.raises(ValueError, match=r"it is not smooth enough for this tolerance; smooth it or pass n_samples"):
+    with pytest.raises(ConvergenceError, match=r"not smooth enough for this tolerance; smooth it or pass n_samples"):
         solve(HarmonicBalance(system, 3), at={"omega": 0.7})
     solution = solve(HarmonicBalance(system, 3, n_samples=512), at={"omega": 0.7})
     assert solution.statistics["samples"] == 512

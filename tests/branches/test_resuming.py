@@ -141,3 +141,22 @@ def test_stability_is_not_lost_where_a_branch_is_resumed(problem, branch):
     with pytest.raises(ValueError, match="traced with multipliers: resume it with stability=Floquet"):
         trace(problem, "omega", branch.span, resume=branch, stability=None)
     assert Tracer(problem, "omega", branch.span, resume=branch).branch().stable is not None
+
+
+@pytest.mark.parametrize("count", [20, 21, 49])
+def test_a_point_found_anew_with_more_samples_replaces_the_old_one(count):
+    """Friction next to a fold: its bracket ends at the points of the branch, those of the resumed part included."""
+    friction = System(
+        1.0,
+        0.03,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [
+            0.09589195577097952 * ca.tanh(22.913756864508986 * v[0]) + 1.9108346533866836 * q[0] ** 3
+        ],
+        forcing=lambda tau, p: [0.28649576763178025 * ca.cos(tau)],
+    )
+    problem = HarmonicBalance(friction, 5)
+    short = trace(problem, "omega", (0.3, 3.0), stability=None, method=PseudoArclength(max_points=count))
+    branch = trace(HarmonicBalance(friction, 5), "omega", (0.3, 3.0), stability=None, resume=short)
+    check_branch(branch)
+    assert [fold.value for fold in branch.folds] == pytest.approx([2.63302910673, 1.35652969544], rel=1e-8)

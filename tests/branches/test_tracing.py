@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.extrema import peaks
 from hbnlp.branches.tracer import Tracer
 from hbnlp.branches.tracing import trace
 from hbnlp.core.kinds import End
@@ -123,3 +124,22 @@ def test_samples_are_doubled_on_the_way_and_the_branch_goes_on_where_it_was():
     assert branch.end is End.SPAN_END
     assert branch.n_samples[0] < branch.n_samples[-1] <= 200
     assert np.all(np.diff(branch.n_samples) >= 0)
+
+
+@pytest.mark.parametrize("stability", [Floquet(), None])
+def test_a_branch_of_a_force_that_is_singular_at_rest_is_traced_from_a_start(stability):
+    """A magnet, x'' + .1 x' + x - 1 / x^2 = .05 cos tau about x = 1: omega^2 = 1 + 2 / x^3 = 3 at resonance."""
+    system = System(
+        1.0,
+        0.1,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [-1.0 / q[0] ** 2],
+        forcing=lambda tau, p: [0.05 * ca.cos(tau)],
+    )
+    problem = HarmonicBalance(system, 7)
+    start = solve(problem, at={"omega": 1.0}, start=[[1.0, 0.0, 0.0]])
+    branch = trace(start, "omega", (1.0, 2.5), stability=stability)
+    check_branch(branch)
+    assert branch.end is End.SPAN_END
+    (peak,) = peaks(branch, "x")
+    assert peak.value == pytest.approx(np.sqrt(3.0), rel=0.01)

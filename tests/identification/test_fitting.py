@@ -109,6 +109,28 @@ def test_the_summary_states_values_and_errors(identification, amplitudes):
     assert repr(fit).startswith("Identified from 9 amplitudes: cubic = 0.1 +- 0.00")
 
 
+@pytest.mark.parametrize(("limits", "limit"), [((0.02, 0.09), 0.09), ((0.105, 0.5), 0.105)])
+def test_a_variable_at_its_limit_has_no_interval_and_the_others_are_conditional(
+    problem, branch, amplitudes, limits, limit
+):
+    points, measured = on_both_branches(branch), amplitudes()
+    fit = Identification(Variables({"cubic": limits, "force": (0.05, 0.5)}), problem, points, "x").fit(
+        measured, {"cubic": min(max(0.1, limits[0] + 0.01), limits[1] - 0.01), "force": FORCE}
+    )
+    assert fit.at_limit == {"cubic": limit}
+    assert fit.values["cubic"] == pytest.approx(limit, rel=1e-5)
+    assert np.isnan(fit.standard_errors["cubic"])
+    assert np.all(np.isnan(fit.covariance[0]))
+    assert f"cubic = {limit:g} at its limit, force = " in repr(fit)
+    assert f"limits that bind: cubic {limit:g}" in repr(fit)
+    at_limit = [({**set_to, "cubic": limit}, near) for set_to, near in points]
+    alone = Identification(Variables({"force": (0.05, 0.5)}), problem, at_limit, "x").fit(measured, {"force": FORCE})
+    assert alone.at_limit == {}
+    assert fit.values["force"] == pytest.approx(alone.values["force"], rel=1e-4)
+    assert fit.standard_errors["force"] == pytest.approx(alone.standard_errors["force"], rel=1e-2)
+    assert fit.noise == pytest.approx(alone.noise, rel=1e-3)
+
+
 def test_only_what_users_need_is_shown():
     for name in hbnlp.identification.__all__:
         assert getattr(hbnlp.identification, name).__module__.startswith("hbnlp.identification.")

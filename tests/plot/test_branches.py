@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import casadi as ca
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,11 +15,13 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.extrema import peaks
 from hbnlp.branches.following import follow
+from hbnlp.branches.resolution import resolve_harmonics
 from hbnlp.branches.tracing import trace
 from hbnlp.core.kinds import Kind
 from hbnlp.plot import EVENT_MARKERS, MARKERS, plot_branch, plot_fold_curve, plot_sweep
 from hbnlp.sweeps.sweeping import sweep
 from hbnlp.systems import chain, duffing, tuned_absorber
+from hbnlp.systems.system import System
 from hbnlp.wing.coupling import membrane_wing
 from hbnlp.wing.lift import lift_response
 from hbnlp.wing.membrane import QuasiLinearMembrane
@@ -128,10 +131,31 @@ def test_axes_are_labelled_with_parameter_output_and_harmonic(branch):
     assert branch.plot("x").get_xlabel() == r"$\omega$"
     assert branch.plot("x").get_ylabel() == "|x| (harmonic 1)"
     assert branch.plot("x", harmonic=3).get_ylabel() == "|x| (harmonic 3)"
-    assert branch.plot("x", harmonic=0).get_ylabel() == "|mean of x|"
+    assert branch.plot("x", harmonic=0).get_ylabel() == "mean of x"
+    assert branch.plot("x", harmonic=0, decibels=True).get_ylabel() == "|mean of x| (dB)"
+    assert branch.plot("x", harmonic=0, per="x").get_ylabel() == "mean of x / |x|"
     assert branch.plot("x", decibels=True).get_ylabel() == "|x| (harmonic 1, dB)"
     in_force = trace(HarmonicBalance(duffing(), 3), "force", (0.0, 0.3), at={"omega": 0.9}, stability=None)
     assert in_force.plot("x").get_xlabel() == "force"
+
+
+def test_a_mean_is_drawn_with_its_sign():
+    """x'' + .1 x' + x + .2 x^3 = -.5 + F cos tau: about the real root of x^3 + 5 x + 2.5, -.478138."""
+    system = System(
+        1.0,
+        0.1,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [0.2 * q[0] ** 3],
+        forcing=lambda tau, p: [-0.5 + p.force * ca.cos(tau)],
+        parameters={"force": 1e-3, "omega": 0.5},
+    )
+    problem = HarmonicBalance(system, 3)
+    branch = trace(problem, "omega", (0.4, 0.6), stability=None)
+    marched = [sweep(problem, "omega", [0.4, 0.5]), sweep(system, "omega", [0.4, 0.5], n_harmonics=3)]
+    for record in (branch, *marched, resolve_harmonics(branch, 1e-6)):
+        for decibels, level in ((False, -0.478138), (True, 20.0 * np.log10(0.478138))):
+            drawn = [line.get_ydata() for line in record.plot("x", harmonic=0, decibels=decibels).get_lines()]
+            np.testing.assert_allclose(next(y for y in drawn if len(y)), level, rtol=1e-5)
 
 
 def test_higher_harmonics_and_decibels_are_drawn_as_such(branch):

@@ -8,7 +8,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Autosave
-from hbnlp.core.errors import TaskError
+from hbnlp.core.errors import NonFiniteError, TaskError
 from hbnlp.core.kinds import End
 from hbnlp.solutions.attempt import attempt
 from hbnlp.solutions.cold_start import linear_guess
@@ -132,8 +132,9 @@ def test_a_start_that_takes_too_many_samples_does_not_end_the_search():
     problem = HarmonicBalance(pendulum(force=1e5), 5)
     values = problem.values({"omega": 2.0})
     far = linear_guess(problem, values)
-    with pytest.raises(ValueError, match="samples a period would be needed for the force"):
-        attempt(problem, values, far, Newton(), start="far")
+    reached = attempt(problem, values, far, Newton(), start="far")
+    assert not reached.converged
+    assert "samples a period would be needed for the force" in reached.statistics["reason"]
     motions = _Motions(problem, values, Search())
     motions.polish(far, "far")
     assert motions.found == []
@@ -271,3 +272,41 @@ def test_arguments_of_another_kind_are_named(options, message):
         find_all(problem, at={"omega": 1.2}, **options)
     with pytest.raises(TypeError, match=r"problem is System .*; give a HarmonicBalance"):
         find_all(problem.system, at={"omega": 1.2})
+
+
+def magnet():
+    """x'' + .1 x' + x - 1 / x^2 = .05 cos tau: rest about x = 1, no force at x = 0."""
+    return System(
+        1.0,
+        0.1,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [-1.0 / q[0] ** 2],
+        forcing=lambda tau, p: [0.05 * ca.cos(tau)],
+    )
+
+
+def test_a_search_goes_on_where_rest_is_singular():
+    problem = HarmonicBalance(magnet(), 5)
+    known = solve(problem, at={"omega": 1.0}, start=[[1.0, 0.0, 0.0]])
+    for options in ({"known": [known], "method": Search(n_starts=2)}, {"method": Search(n_starts=20)}):
+        found = find_all(problem, at={"omega": 1.0}, **options)
+        assert min(np.linalg.norm(s.coefficients - known.coefficients) for s in found) < 1e-8
+
+
+def test_a_search_that_finds_nothing_says_that_rest_is_singular():
+    system = System(1.0, 0.1, 1.0, nonlinear_force=lambda q, v, tau, p: [ca.sqrt(-1.0 - q[0] ** 2)])
+    with pytest.raises(NonFiniteError, match="not finite at rest"):
+        find_all(HarmonicBalance(system, 2), at={"omega": 1.0}, method=Search(n_starts=2))
+
+
+def test_a_search_among_rough_motions_finds_the_smooth_one():
+    """The contact of test_solving.py: from x = 0 the motions bounce."""
+    system = System(
+        1.0,
+        0.05,
+        0.0,
+        nonlinear_force=lambda q, v, tau, p: [ca.if_else(q[0] > 0.0, q[0] ** 1.5, 0.0)],
+        forcing=lambda tau, p: [1.0 + 0.3 * ca.cos(tau)],
+    )
+    found = find_all(HarmonicBalance(system, 11), at={"omega": 0.8}, method=Search(n_starts=1, n_deflated=1))
+    assert min(abs(abs(s.harmonics("x")[1]) - 0.352391) for s in found) < 1e-5

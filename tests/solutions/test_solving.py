@@ -92,10 +92,10 @@ def test_all_methods_agree_on_the_absorber_and_on_a_short_chain():
             np.testing.assert_allclose(other, first, atol=1e-9 * np.abs(first).max())
 
 
-def test_a_linear_system_takes_one_step():
+def test_a_linear_system_takes_one_step_and_one_that_measures_the_error():
     system = System(1.0, 0.1, 1.0, forcing=lambda tau, p: [ca.cos(tau)])
     solution = solve(HarmonicBalance(system, 3), at={"omega": 0.7})
-    assert solution.statistics["iterations"] == 1
+    assert solution.statistics["iterations"] == 2
     assert solution.harmonics("x")[1] == pytest.approx(1.0 / (1.0 - 0.49 + 0.07j), rel=1e-12)
 
 
@@ -209,6 +209,40 @@ def test_a_force_that_is_not_finite_at_rest_alone_is_solved_from_a_guess():
     system = oscillator(lambda x, v: -1.0 / x, load=0.1)
     solution = solve(HarmonicBalance(system, 5, n_samples=64), at={"omega": 0.5}, start=[[1.0, 0.0, 0.0]])
     assert solution.harmonics("x")[0].real == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_start_that_fails_leaves_the_others_alone():
+    """A loaded Hertz contact that stays closed; the linear response leads to a bouncing motion that is not smooth.
+
+    Mean .984223 and |x_1| = .352391 by scipy's DOP853 over 150 periods from x = 1 (least x: .653).
+    """
+    system = System(
+        1.0,
+        0.05,
+        0.0,
+        nonlinear_force=lambda q, v, tau, p: [ca.if_else(q[0] > 0.0, q[0] ** 1.5, 0.0)],
+        forcing=lambda tau, p: [1.0 + 0.3 * ca.cos(tau)],
+    )
+    problem = HarmonicBalance(system, 11)
+    solution = solve(problem, at={"omega": 0.8})
+    assert np.abs(solution.harmonics("x")[:2]) == pytest.approx([0.984223, 0.352391], rel=1e-5)
+
+
+def test_a_motion_on_which_the_force_is_too_rough_is_the_reason_of_its_start_alone():
+    system = oscillator(lambda x, v: ca.fmax(x - 0.5, 0.0))
+    failed = solve(HarmonicBalance(system, 3), at={"omega": 0.7}, throw=False)
+    assert not failed.converged
+    assert "not smooth enough" in failed.message
+    assert np.all(np.isfinite(failed.coefficients))
+
+
+@pytest.mark.parametrize("plugin", ["newton", "fast_newton"])
+def test_a_rootfinder_that_fails_says_so(plugin):
+    """Forces of 1e8 are balanced to 1e-16 of them, not to 1e-12; the plugin ends without a word for it."""
+    problem = HarmonicBalance(duffing(cubic=1e-19, force=1.8e8), 5)
+    solution = solve(problem, at={"omega": 0.9}, method=Rootfinder(plugin=plugin), throw=False)
+    assert solution.converged or solution.statistics["reason"]
+    assert abs(solution.harmonics("x")[1]) == pytest.approx(7.57934e8, rel=1e-4)
 
 
 def test_a_guess_that_is_not_finite_is_refused():

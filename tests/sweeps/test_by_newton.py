@@ -8,7 +8,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Autosave, StopTracing
-from hbnlp.core.errors import SaveError, TaskError
+from hbnlp.core.errors import NonFiniteError, SaveError, TaskError
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.solutions.solving import solve
@@ -232,3 +232,21 @@ def test_an_error_on_the_way_keeps_the_sweep(problem):
         sweep(problem, "omega", OMEGAS, callbacks=[fail])
     assert len(caught.value.result) == 5
     assert "RuntimeError after 5 of 100 values" in caught.value.result.message
+
+
+def test_a_march_that_loses_its_solution_goes_on_where_rest_is_singular():
+    """A magnet and a pull: x + 1 / x^2 = pull at rest, which has no solution x > 0 below pull = 3 / 4^(1/3) = 1.89."""
+    system = System(
+        1.0,
+        0.1,
+        0.0,
+        nonlinear_force=lambda q, v, tau, p: [p.pull - 1.0 / q[0] ** 2 - q[0]],
+        forcing=lambda tau, p: [1e-3 * ca.cos(tau)],
+        parameters={"pull": 3.0, "omega": 0.1},
+    )
+    problem = HarmonicBalance(system, 3)
+    with pytest.raises(NonFiniteError, match="give a start"):
+        sweep(problem, "pull", [3.0, 2.5])
+    marched = sweep(problem, "pull", [3.0, 2.5, 1.0, 2.5], start=[[2.9, 0.0, 0.0]])
+    assert marched.complete
+    assert marched.converged.tolist() == [True, True, False, True]

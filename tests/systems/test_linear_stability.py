@@ -124,3 +124,54 @@ def test_stable_and_neutral_systems_do_not_warn():
 def test_bad_spans_and_names_are_refused(parameter, span, error, message):
     with pytest.raises(error, match=message):
         stability_limits(ziegler(), parameter, span)
+
+
+def rotor(name="omega"):
+    """A disc on a shaft that turns at omega: gyroscopic coupling, and damping that turns with it."""
+
+    def matrix(direct, cross):
+        return lambda p: [[direct, cross * p[name]], [-cross * p[name], direct]]
+
+    return System(np.eye(2), matrix(0.05, 1.0), matrix(1.0, 0.2), parameters={} if name == "omega" else {name: np.nan})
+
+
+def test_omega_is_used_where_the_matrices_depend_on_it():
+    """Whirl grows from omega = 1 / sqrt(12) on (numpy eigenvalues of the state matrix, brentq: 0.2886751345948)."""
+    system = rotor()
+    (limit,) = stability_limits(system, "omega", (0.01, 3.0))
+    assert limit.value == pytest.approx(0.2886751345948187, rel=1e-10)
+    assert (limit.kind, limit.unstable) == ("flutter", "above")
+    (other,) = stability_limits(rotor("speed"), "speed", (0.01, 3.0))
+    assert other.value == pytest.approx(limit.value, rel=1e-12)
+    assert [e.value for e in stability_limits(system, "omega", (-3.0, 3.0))] == pytest.approx(
+        [-limit.value, limit.value]
+    )
+    assert eigenvalues(system, {"omega": 2.0})[0].real == pytest.approx(0.09829519301660522, rel=1e-10)
+    assert eigenvalues(system, {"omega": 0.0})[0].real == pytest.approx(-0.025, rel=1e-12)
+    with pytest.warns(LinearInstabilityWarning, match="flutter"):
+        check_linear_stability(system, {"omega": 2.0})
+
+
+FORCES = {
+    "a stiffness": (lambda q, v, tau, p: [p.omega * q[0]], None),
+    "a damping": (lambda q, v, tau, p: [v[0] / p.omega], None),
+    "a cubic force away from zero": (lambda q, v, tau, p: [p.omega * q[0] ** 3], [1.0]),
+}
+
+
+@pytest.mark.parametrize(("force", "rest"), FORCES.values(), ids=FORCES)
+def test_omega_is_asked_for_where_the_force_depends_on_it(force, rest):
+    system = System(1.0, 0.1, 1.0, nonlinear_force=force)
+    for call in (eigenvalues, check_linear_stability):
+        with pytest.raises(ValueError, match=r"depends on omega, which has no value; give one, .*at=\{'omega'"):
+            call(system, rest=rest)
+        assert np.all(call(system, {"omega": 2.0}, rest=rest).real < 0.0)
+    with pytest.raises(ValueError, match="depends on omega, which has no value"):
+        eigenvalues(rotor())
+
+
+def test_omega_is_not_asked_for_where_only_large_motions_depend_on_it():
+    system = System(1.0, 0.1, 1.0, nonlinear_force=lambda q, v, tau, p: [q[0] ** 3 / p.omega + p.omega**2])
+    np.testing.assert_allclose(eigenvalues(system), eigenvalues(System(1.0, 0.1, 1.0)))
+    with pytest.raises(ValueError, match="does not depend"):
+        stability_limits(system, "omega", (0.1, 1.0))

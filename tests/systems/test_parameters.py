@@ -1,5 +1,8 @@
 """Parameters: names in order, values that can be overridden, and messages that help."""
 
+from fractions import Fraction
+
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -83,6 +86,47 @@ def test_what_is_no_number_is_refused_by_name(value):
         ParameterSet({"force": value})
     with pytest.raises((ValueError, TypeError), match="parameter 'force'"):
         ParameterSet({"force": 1.0, "omega": 1.0}).values({"force": value})
+
+
+NO_NUMBERS = ["1.2", b"1", True, np.True_, 1.0 + 0j, np.complex64(1), np.array("1.2"), 10**400, ca.SX.sym("a")]
+
+
+@pytest.mark.parametrize("value", NO_NUMBERS, ids=repr)
+def test_text_truth_and_complex_values_are_no_numbers(value):
+    parameters = ParameterSet({"force": 0.1, "omega": 1.0})
+    for call in (
+        lambda: ParameterSet({"force": value}),
+        lambda: parameters.values({"force": value}),
+        lambda: parameters.series("force", [0.1, value]),
+        lambda: parameters.span("force", (0.1, value)),
+    ):
+        with pytest.raises(ValueError, match=r"finite (number|values).* needed"):
+            call()
+
+
+@pytest.mark.parametrize("value", [2, np.float32(2.0), np.int64(2), np.array(2.0), Fraction(2), ca.DM(2.0)], ids=repr)
+def test_real_numbers_of_any_kind_are_values(value):
+    parameters = ParameterSet({"omega": value})
+    assert parameters.values() == parameters.values({"omega": value}) == parameters.series("omega", [value]) == [2.0]
+    assert parameters.span("omega", (1.0, value)) == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("omega", [0, 0.0, -1.2])
+def test_omega_is_positive_where_there_is_a_period(omega):
+    parameters = ParameterSet({"omega": omega})
+    for call in (parameters.values, lambda: ParameterSet({}).values({"omega": omega})):
+        with pytest.raises(ValueError, match=r"^omega = -?[\d.]+; the period of the excitation is .*: give omega > 0"):
+            call()
+    with pytest.raises(ValueError, match=r"values of omega reach -?[\d.]+; .* omega > 0"):
+        parameters.series("omega", [1.0, omega])
+    assert parameters.values(but=("omega",)) == parameters.values({"omega": omega}, but=("omega",)) == [omega]
+
+
+def test_values_come_in_a_mapping():
+    with pytest.raises(TypeError, match=r"at is 1\.2; give a mapping of parameter names to values"):
+        ParameterSet({}).values(1.2)
+    with pytest.raises(KeyError, match="unknown parameter 1 "):
+        ParameterSet({}).values({1: 1.2})
 
 
 @pytest.mark.parametrize("name", ["c T", "2mu", "a-b", ""])

@@ -231,6 +231,49 @@ def test_a_bad_forcing_is_refused_by_name(given, message):
         System(ONE, ONE, ONE, forcing=given)
 
 
+NOT_PERIODIC = {
+    "omega t": (lambda tau, p: ca.cos(p.omega * tau), r"tau = omega t holds omega already: write cos\(tau\)"),
+    "twice omega t": (lambda tau, p: p.omega * ca.cos(2 * p.omega * tau), "holds omega already"),
+    "a step of omega t": (lambda tau, p: ca.sign(ca.sin(p.omega * tau)), "holds omega already"),
+    "over omega": (lambda tau, p: ca.cos(tau / p.omega), "holds omega already"),
+    "a half": (lambda tau, p: ca.cos(tau / 2), "after 2 periods: let omega be the frequency of the whole, 1/2 of"),
+    "two thirds": (lambda tau, p: ca.cos(2 * tau / 3) + ca.cos(tau), "write tau for tau / 3 and 3 tau for tau"),
+    "tau": (lambda tau, p: tau, r"or of fmod\(tau, 2 pi\)"),
+    "incommensurable": (lambda tau, p: ca.cos(1.234 * tau), "whole multiples of tau"),
+    "a small part": (lambda tau, p: ca.cos(tau) + 1e-6 * ca.cos(p.omega * tau), "holds omega already"),
+}
+
+
+@pytest.mark.parametrize("omega", [1.0, 2.0, np.nan])
+@pytest.mark.parametrize(("signal", "message"), NOT_PERIODIC.values(), ids=NOT_PERIODIC)
+def test_what_is_not_periodic_is_refused_whatever_omega_is_by_default(signal, message, omega):
+    given = {
+        "forcing": lambda tau, p: [signal(tau, p)],
+        "motion": lambda tau, p: [signal(tau, p)],
+        "nonlinear_force": lambda q, v, tau, p: [1e6 * q[0] ** 3 + q[0] * signal(tau, p)],
+    }
+    for what, value in given.items():
+        with pytest.raises(ValueError, match=f"{what} is not 2 pi-periodic.*{message}"):
+            System(ONE, ONE, ONE, parameters={"omega": omega}, **{what: value})
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        lambda tau, p: p.omega**2 * ca.cos(tau),
+        lambda tau, p: ca.fmod(tau, 2 * np.pi),
+        lambda tau, p: ca.cos(p.omega * ca.fmod(tau, 2 * np.pi)),
+        lambda tau, p: tau - 2 * np.pi * ca.floor(tau / 2 / np.pi),
+        lambda tau, p: ca.cos(p.order * tau),
+        lambda tau, p: ca.cos(1000 * tau),
+        lambda tau, p: ca.sin(tau) ** 2 + ca.cos(tau) ** 2,
+        lambda tau, p: ca.exp((ca.cos(tau - 1.0) - 1.0) / 1e-4),
+    ],
+)
+def test_what_is_periodic_is_accepted(signal):
+    System(ONE, ONE, ONE, parameters={"order": 3.0}, forcing=lambda tau, p: [signal(tau, p)])
+
+
 @pytest.mark.parametrize("what", ["forcing", "motion", "nonlinear_force"])
 def test_what_is_not_2_pi_periodic_in_tau_is_refused(what):
     def signal(*arguments):

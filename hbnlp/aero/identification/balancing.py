@@ -28,6 +28,9 @@ from hbnlp.aero.rom import AeroROM
 from hbnlp.core.checks import whole_number
 from hbnlp.core.types import Array, ComplexArray
 
+NEGLIGIBLE = 1e-14
+"""Hankel singular values up to this part of the largest are zero to round-off."""
+
 
 class Balanced(NamedTuple):
     """A balanced truncation.
@@ -89,9 +92,9 @@ def reduce_to_band(
     """
     n = whole_number("n_lags", n_lags, least=0, most=rom.n_lags)
     omega = response.omega
-    weights = omega[:, None] ** 2 / np.linalg.norm(response.values, axis=1)
+    weights = omega[:, None] ** 2 / response.column_sizes
     shifted = 1j * omega[:, None, None] * np.eye(rom.n_lags) - rom.lag_state
-    measure = np.gradient(np.log(omega))[:, None, None]
+    measure = (np.gradient(np.log(omega)) if omega.size > 1 else np.ones(1))[:, None, None]
     states = np.linalg.solve(shifted, rom.lag_input[None].astype(complex)) * weights[:, None, :]
     adjoint = np.linalg.solve(shifted.conj().transpose(0, 2, 1), rom.lag_output.T[None].astype(complex))
     adjoint = adjoint * weights.min(axis=1)[:, None, None]
@@ -111,7 +114,7 @@ def refit_output(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[i
     s = np.asarray(1j * response.omega, dtype=complex)
     _, rows, columns = response.values.shape
     states = _states(rom.lag_state, rom.lag_input, s)
-    weights = 1.0 / np.linalg.norm(response.values, axis=1)
+    weights = 1.0 / response.column_sizes
     eye = np.eye(columns)
     free = [column for column in range(columns) if column not in known]
     fixed = rom.damping.copy()
@@ -145,7 +148,7 @@ def refit_input(rom: AeroROM, response: FrequencyResponse, *, known: Sequence[in
     )
     solution = np.empty((n + 2 * rows, columns))
     for column in range(columns):
-        weights = 1.0 / np.linalg.norm(response.values[:, :, column], axis=1)
+        weights = 1.0 / response.column_sizes[:, column]
         unknown = np.ones(n + 2 * rows, dtype=bool)
         right = response.values[:, :, column] - rom.stiffness[:, column]
         if column in known:
@@ -164,9 +167,13 @@ def _states(a: Array, b: Array, s: ComplexArray) -> ComplexArray:
 
 
 def _balancing(control: Array, observe: Array, n: int) -> tuple[Array, Array, Array]:
-    """Return the left and right projections on ``n`` balanced states, and all Hankel singular values."""
+    """Return the left and right projections on ``n`` balanced states, and all Hankel singular values.
+
+    States beyond round-off of the largest value cannot be balanced, so there may be fewer than ``n``.
+    """
     root_c, root_o = _root(control), _root(observe)
     u, singular, vh = np.linalg.svd(root_o.T @ root_c)
+    n = min(n, int(np.count_nonzero(singular > NEGLIGIBLE * singular.max(initial=0.0))))
     scale = 1.0 / np.sqrt(singular[:n])
     return root_o @ u[:, :n] * scale, root_c @ vh[:n].T * scale, singular
 

@@ -54,7 +54,9 @@ def residues(poles: ComplexArray, coefficients: Array) -> ComplexArray:
     return result
 
 
-def lag_states(poles: ComplexArray, matrices: ComplexArray, *, drop: float = 1e-9) -> tuple[Array, Array, Array]:
+def lag_states(
+    poles: ComplexArray, matrices: ComplexArray, *, weights: Array | None = None, drop: float = 1e-9
+) -> tuple[Array, Array, Array]:
     """Return real A, B, C with ``C (s I - A)^(-1) B = sum_i matrices[i] / (s - poles[i])``.
 
     Parameters
@@ -63,9 +65,12 @@ def lag_states(poles: ComplexArray, matrices: ComplexArray, *, drop: float = 1e-
         As `sort_poles` orders them.
     matrices : ndarray of complex, shape (n, p, m)
         Residues; those of a pair conjugate.
+    weights : ndarray, shape (n, m), optional
+        By which the columns of every residue are multiplied to be judged; by default each residue by its own norm, so
+        that no pole is judged by another's.
     drop : float
-        Singular values of a residue below this fraction of the largest of all are left out, so that a pole has as many
-        states as its residue has rank.
+        Singular values of a weighted residue up to this are left out, so that a pole has as many states as its residue
+        has rank.
 
     Returns
     -------
@@ -74,15 +79,19 @@ def lag_states(poles: ComplexArray, matrices: ComplexArray, *, drop: float = 1e-
     B : ndarray, shape (states, m)
     C : ndarray, shape (p, states)
     """
-    largest = max((np.linalg.norm(r, 2) for r in matrices), default=0.0)
+    if weights is None:
+        norms = np.array([np.linalg.norm(residue, 2) for residue in matrices])
+        weights = np.ones(matrices.shape[::2]) / np.where(norms > 0.0, norms, 1.0)[:, None]
     a_blocks, b_blocks, c_blocks = [], [], []
-    for pole, residue in zip(poles, matrices, strict=True):
+    for pole, residue, weight in zip(poles, matrices, weights, strict=True):
         if pole.imag < 0.0:
             continue
-        u, singular, vh = np.linalg.svd(residue if pole.imag else residue.real, full_matrices=False)
-        rank = int(np.count_nonzero(singular > drop * largest))
-        root = np.sqrt(singular[:rank])
-        c, b = u[:, :rank] * root, root[:, None] * vh[:rank]
+        u, singular, vh = np.linalg.svd((residue if pole.imag else residue.real) * weight, full_matrices=False)
+        rank = int(np.count_nonzero(singular > drop))
+        b = singular[:rank, None] * vh[:rank] / weight
+        # every state has input and output of the same size
+        root = np.sqrt(np.linalg.norm(b, axis=1))
+        c, b = u[:, :rank] * root, b / root[:, None]
         eye = np.eye(rank)
         if pole.imag == 0.0:
             a_blocks.append(pole.real * eye)

@@ -6,7 +6,8 @@ With K = G(0) given, H(s) = (G(s) - K)/s is fitted by
 
 which is the ROM's form, so that G(0) = K whatever the fit. Poles are relocated by the relaxed iteration of Gustavsen
 [1]_ [2]_, each entry reduced by its own QR factorisation (Deschrijver et al. [3]_); poles that leave the left half
-plane are reflected. Weights make the error relative to the norm of every column at every frequency.
+plane are reflected, and those that leave the band by far are brought back to where the data can tell them from D and M.
+Weights make the error relative to the size of every column at every frequency.
 
 Packages with vector fitting were looked at: scikit-rf's fits square network parameters, without a prescribed static
 value and weights by column, so it does not serve.
@@ -34,6 +35,9 @@ from hbnlp.aero.identification.least_squares import least_squares, real_and_imag
 from hbnlp.aero.identification.modal import real_basis, residues, sort_poles
 from hbnlp.core.checks import whole_number
 from hbnlp.core.types import Array, ComplexArray
+
+BEYOND = 1e3
+"""How far a pole may be below or above the band: the next terms that tell it from D and M are this much smaller."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +79,8 @@ def vector_fit(
     ----------
     response : FrequencyResponse
     n_poles : int
-        Number of poles, a complex pair counting as two; at least 1, at most the number of frequencies less 2.
+        Number of poles, a complex pair counting as two; at most the number of frequencies less 2. None leaves K, D
+        and M.
     iterations : int
         Number of pole relocations.
     least_damping : float
@@ -94,12 +99,12 @@ def vector_fit(
     ValueError
         If there are too few frequencies for so many poles.
     """
-    n = whole_number("n_poles", n_poles, least=1, most=max(1, response.omega.size - 2), advice=", or more frequencies")
+    n = whole_number("n_poles", n_poles, least=0, most=max(0, response.omega.size - 2), advice=", or more frequencies")
     s = np.asarray(1j * response.omega, dtype=complex)
     h = (response.values - response.static) / s[:, None, None]
     weights = _weights(response)
     poles = sort_poles(-np.geomspace(response.omega[0], response.omega[-1], n))
-    for _ in range(iterations):
+    for _ in range(iterations if n else 0):
         poles = _relocate(poles, s, h, weights, least_damping)
     return fit_residues(response, poles, damping=damping)
 
@@ -133,10 +138,8 @@ def fit_residues(
 
 
 def _weights(response: FrequencyResponse) -> Array:
-    """Return weights for H, (m, columns), such that its weighted error is G's relative to the column's norm."""
-    norms = np.linalg.norm(response.values, axis=1)
-    weights: Array = response.omega[:, None] / np.maximum(norms, 1e-12 * norms.max())
-    return weights
+    """Return weights for H, (m, columns), such that its weighted error is G's relative to the column's size."""
+    return np.asarray(response.omega[:, None] / response.column_sizes)
 
 
 def _relocate(
@@ -168,7 +171,12 @@ def _relocate(
     if abs(constant) < 1e-8:
         constant = np.copysign(1e-8, constant)
     a, b = _companion(poles)
-    return sort_poles(np.linalg.eigvals(a - np.outer(b, solution[:n]) / constant), least_damping=least_damping)
+    found = np.asarray(np.linalg.eigvals(a - np.outer(b, solution[:n]) / constant), dtype=complex)
+    band = np.abs(s)
+    found[found == 0.0] = -np.finfo(float).tiny
+    sizes = np.abs(found)
+    found *= np.clip(sizes, band.min() / BEYOND, band.max() * BEYOND) / sizes
+    return sort_poles(found, least_damping=least_damping)
 
 
 def _companion(poles: ComplexArray) -> tuple[Array, Array]:

@@ -1,0 +1,87 @@
+"""Multipliers where a coefficient switches: their error is within what is said of it, and within the tolerance."""
+
+import itertools
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import hbnlp
+from hbnlp.stability.grading import graded
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import Floquet
+
+WIDTH = 0.02
+SHAPES = {  # of s = cos(tau + phase) - level, by CasADi and by numpy
+    "sign": (ca.sign, np.sign),
+    "if_else": (lambda s: ca.if_else(s > 0.0, 1.0, 0.0), lambda s: float(s > 0.0)),
+    "gap": (lambda s: ca.fmax(s, 0.0), lambda s: max(s, 0.0)),
+    "tanh": (lambda s: ca.tanh(s / WIDTH), lambda s: np.tanh(s / WIDTH)),
+    "wide tanh": (lambda s: ca.tanh(s / 0.2), lambda s: np.tanh(s / 0.2)),
+}
+
+
+def exact(shape, stiffness, damping, depth, phase, level):
+    """Return the multipliers by an integration that stops and starts where the shape switches."""
+
+    def rate(tau, y):
+        return [y[1], -damping * y[1] - (stiffness + depth * shape(np.cos(tau + phase) - level)) * y[0]]
+
+    switches = [(angle - phase) % (2.0 * np.pi) for angle in (np.arccos(level), -np.arccos(level))]
+    around = [s + d for s in switches for d in (-8.0 * WIDTH, 0.0, 8.0 * WIDTH)]
+    ends = sorted({0.0, 2.0 * np.pi, *np.clip(around, 0.0, 2.0 * np.pi)})
+    monodromy = np.eye(2)
+    for begin, end in itertools.pairwise(ends):
+        inside = (begin + 1e-13, end - 1e-13)
+        columns = [
+            solve_ivp(rate, inside, column, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1] for column in np.eye(2)
+        ]
+        monodromy = np.array(columns).T @ monodromy
+    return np.linalg.eigvals(monodromy)
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-6])
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_error_is_within_its_estimate(name, tol):
+    by_casadi, by_numpy = SHAPES[name]
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        stiffness, damping, depth = rng.uniform(0.3, 9.0), rng.uniform(0.01, 0.3), rng.uniform(0.1, 2.0)
+        phase, level = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-0.8, 0.8)
+        system = hbnlp.System(
+            [[1.0]],
+            [[damping]],
+            [[stiffness]],
+            nonlinear_force=lambda q, v, tau, p, d=depth, ph=phase, c=level: [
+                d * by_casadi(ca.cos(tau + ph) - c) * q[0]
+            ],
+            forcing=lambda tau, p: [1.0],
+        )
+        values = system.parameters.values({"omega": 1.0})
+        result = FloquetEvaluator(system, 1, 2, Floquet(tol=tol))(np.zeros((1, 5)), values)
+        known = exact(by_numpy, stiffness, damping, depth, phase, level)
+        errors = [
+            np.abs(result.multipliers - order).max() / max(1.0, np.abs(order).max()) for order in (known, known[::-1])
+        ]
+        assert result.converged
+        assert result.n_intervals < 400
+        assert min(errors) <= result.error + 1e-10  # the reference's own
+        assert min(errors) <= tol
+
+
+def test_a_jump_is_found_wherever_it_is():
+    for place in np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 50):
+        mesh = graded(lambda theta, at=place: np.where(theta < at, 0.0, 1.0)[:, None], 9, 8, tol=1e-3, limit=500)
+        lengths = 2.0 * np.pi * 0.5**mesh.levels / 9
+        assert mesh.resolved
+        assert lengths.sum() == pytest.approx(2.0 * np.pi, rel=1e-13)
+        ahead = lengths[mesh.entries[:, -1, 0] < 0.5].sum()
+        assert abs(ahead - place) < 1e-10
+
+
+def test_coefficients_that_cannot_be_resolved_are_not_called_so():
+    rng = np.random.default_rng(0)
+    mesh = graded(lambda theta: rng.standard_normal((theta.size, 1)), 9, 8, tol=1e-3, limit=500)
+    assert not mesh.resolved
+    assert len(mesh.levels) <= 500
