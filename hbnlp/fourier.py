@@ -8,12 +8,12 @@ Every periodic signal is ``a(theta) = a_0 + sum_h a_{2h-1} cos(h theta) + a_{2h}
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
+from hbnlp.core.kept import built_once
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array, ComplexArray
 
@@ -129,12 +129,12 @@ class FourierBasis(FieldsAlone):
                 f"at least 2H + 1 = {n_coefficients(self.n_harmonics)} are needed"
             )
 
-    @cached_property
+    @built_once
     def theta(self) -> Array:
         """Phases of the samples, (n_samples,)."""
         return 2.0 * np.pi * np.arange(self.n_samples) / self.n_samples
 
-    @cached_property
+    @built_once
     def sampling(self) -> Array:
         """Matrix (n_samples, 2H+1) from coefficients to samples."""
         values = np.ones((self.n_samples, n_coefficients(self.n_harmonics)))
@@ -143,12 +143,12 @@ class FourierBasis(FieldsAlone):
         values[:, 1::2], values[:, 2::2] = np.cos(self.theta)[turns], np.sin(self.theta)[turns]
         return values
 
-    @cached_property
+    @built_once
     def derivative_sampling(self) -> Array:
         """Matrix (n_samples, 2H+1) from coefficients to samples of the derivative by phase."""
         return -differentiated(self.sampling)
 
-    @cached_property
+    @built_once
     def projection(self) -> Array:
         """Matrix (2H+1, n_samples) from samples to coefficients (discrete Fourier sums)."""
         matrix = 2.0 / self.n_samples * self.sampling.T
@@ -171,7 +171,7 @@ class FourierBasis(FieldsAlone):
         amplitudes[..., 0] *= 0.5
         return to_real(amplitudes)
 
-    @cached_property
+    @built_once
     def is_small(self) -> bool:
         """Whether its matrices are quicker than a fast Fourier transform."""
         return self.n_samples * n_coefficients(self.n_harmonics) <= LARGEST_MATRIX

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
@@ -92,7 +91,7 @@ class LawsAt:
             self._slopes[index] = self._compiled.slope(self._values, index)
         return self._slopes[index]
 
-    @cached_property
+    @built_once
     def pattern(self) -> Pattern:
         """Where the linear terms are not zero."""
         law = self.laws

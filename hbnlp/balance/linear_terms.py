@@ -9,13 +9,12 @@ harmonic h, ``s = i h w`` and ``T(s) = L_x (s - A)^-1 [B, B_u]``::
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from hbnlp.balance.laws import CompiledLaws, Laws, LawsAt
 from hbnlp.balance.pattern import Pattern
 from hbnlp.balance.sampling import Sampling
+from hbnlp.core.kept import built_once
 from hbnlp.core.native import PerThread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
@@ -190,7 +189,7 @@ class LinearPoint:
         """The derivative by time of the harmonics h >= 1, (H,)."""
         return np.asarray(self.omega * self._operators.orders)
 
-    @cached_property
+    @built_once
     def transfer(self) -> ComplexArray:
         """s^2 T(s) of the harmonics h >= 1, (H, n, n + n_u)."""
         s = self.s
@@ -201,7 +200,7 @@ class LinearPoint:
         """Coefficients (n, L) of forcing and prescribed motion, through their lag states, too."""
         return self._load_with_motion if self.law.motion.size else self.law.forcing
 
-    @cached_property
+    @built_once
     def _load_with_motion(self) -> Array:
         law, by = self.law, self._operators
         load = law.forcing + by.motion_load(law, law.motion, self.rate)

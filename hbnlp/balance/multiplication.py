@@ -12,12 +12,12 @@ differentiated by phase before has its columns multiplied by i k.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from scipy import fft
 
+from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array, ComplexArray, IntArray
 from hbnlp.fourier import FourierBasis, n_coefficients
 
@@ -67,7 +67,7 @@ class Multiplication:
             for k, (row, column) in enumerate(zip(rows, columns, strict=True)):
                 matrix[row, :, column, :] += self._blocks(samples[:, k : k + 1])[0]
 
-    @cached_property
+    @built_once
     def _blocks(self) -> Callable[[Array], Array]:
         """Blocks (count, L, L) of samples (n_samples, count)."""
         basis = self._basis

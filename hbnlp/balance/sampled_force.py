@@ -7,13 +7,12 @@ functions there, s' their derivatives by phase. The coefficients give ``r = X s'
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Literal
 
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.kept import Kept
+from hbnlp.core.kept import Kept, built_once
 from hbnlp.core.native import PerThread, bound
 from hbnlp.core.types import Array
 from hbnlp.fourier import FourierBasis, differentiated
@@ -92,7 +91,7 @@ class SampledForce:
         if self._viscous:
             out[count:] = self._basis.sampled(differentiated(coefficients)).T
 
-    @cached_property
+    @built_once
     def _matrix(self) -> Array:
         basis = self._basis
         return np.vstack([basis.sampling, basis.derivative_sampling]) if self._viscous else basis.sampling

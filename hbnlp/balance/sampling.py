@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil
 
 import numpy as np
 
 from hbnlp.core.errors import SamplingError
+from hbnlp.core.kept import built_once
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
 from hbnlp.fourier import FourierBasis, resize, stretch
@@ -67,7 +67,7 @@ class Sampling(FieldsAlone):
         n_samples = sufficient_samples(n_harmonics, degree)
         return cls(n_harmonics, periods, n_samples, settled=degree is not None, degree=degree, automatic=True)
 
-    @cached_property
+    @built_once
     def force(self) -> FourierBasis:
         """Samples of the force."""
         return FourierBasis(self.n_harmonics, self.n_samples)

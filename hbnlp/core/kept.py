@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from functools import cached_property, wraps
+from functools import cached_property, wraps  # noqa: TID251
 from typing import Any, Generic, ParamSpec, Self, TypeVar, overload
 
 from hbnlp.core.locks import lasting_lock
@@ -72,8 +72,9 @@ class Kept(Generic[T]):
 class built_once(cached_property[T]):  # noqa: N801
     """A property that is built when first asked for, by one thread, and then kept.
 
-    Unlike `functools.cached_property`, which two threads may each build: harmless for numbers, but not for symbols, of
-    which an expression needs one and the same.
+    Unlike `functools.cached_property`, which two threads may each build from Python 3.12 on: harmless for numbers, but
+    not for symbols, of which an expression needs one and the same. Up to 3.11 that holds a lock of its own, which two
+    threads take in another order than the one here, and which a forked process finds held for ever.
     """
 
     @overload

@@ -12,12 +12,12 @@ The first gives ``T = M S M^-1``. Of lag states only what they do to the motion 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.systems.plant import check_mass
 from hbnlp.systems.symmetry import PERIOD, Symmetry
@@ -83,7 +83,7 @@ class Equivariance:
         """Return the terms at parameter values (n_parameters,), all of them numbers."""
         return Terms(self, values)
 
-    @cached_property
+    @built_once
     def points(self) -> tuple[Array, Array, Array]:
         """Displacements and velocities by omega (n, n_points), and phases (n_points,)."""
         rng = np.random.default_rng(5)
@@ -137,7 +137,7 @@ class Terms:
         moved: Array = np.linalg.solve(self._mass.T, (self._mass @ matrix).T).T
         return moved
 
-    @cached_property
+    @built_once
     def _transfers(self) -> list[tuple[complex, ComplexArray]]:
         """L_x (s - A)^-1 B at frequencies from below the slowest pole to beyond the fastest."""
         state, drive = self._source._lag_state, self._source._lag_input
@@ -149,7 +149,7 @@ class Terms:
         identity = np.eye(state.shape[0])
         return [(1j * w, self._lag_output @ np.linalg.solve(1j * w * identity - state, drive)) for w in frequencies]
 
-    @cached_property
+    @built_once
     def _load(self) -> tuple[ComplexArray, Array]:
         """Harmonics (n, N/2+1) of the load with what the lag states pass on, and the size (n, 1) of its terms."""
         tau = PERIOD * np.arange(N_PHASES) / N_PHASES

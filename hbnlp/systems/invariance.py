@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from hbnlp.core.checks import unknown_name, whole_number
+from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array
 from hbnlp.systems.equivariance import Equivariance
 from hbnlp.systems.expressions import displacements
@@ -61,7 +61,7 @@ class Invariance:
                 )
         _ = self._candidates  # a group without end is refused here
 
-    @cached_property
+    @built_once
     def _candidates(self) -> tuple[Symmetry, ...]:
         return group(self._named, self._equivariance.n_dof)
 

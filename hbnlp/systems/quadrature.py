@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array, IntArray
 from hbnlp.fourier import basis_values
 
@@ -88,12 +88,12 @@ class Rule:
         matrix[0] *= 0.5
         return matrix
 
-    @cached_property
+    @built_once
     def lengths(self) -> Array:
         """Length of the piece in which each node lies, (n,)."""
         return np.diff(np.append(self.breaks.phases, self.breaks.phases[0] + 2.0 * np.pi))[self.piece]
 
-    @cached_property
+    @built_once
     def inside(self) -> Array:
         """Where a node lies in its piece, from 0 to 1, (n,)."""
         return np.asarray((self.theta - self.breaks.phases[self.piece]) / self.lengths)

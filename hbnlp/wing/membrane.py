@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar, final
 
 import casadi as ca
@@ -29,6 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.kept import built_once
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
 from hbnlp.wing.strain import ExactArc, SmallSlopes, Strain
@@ -82,7 +82,7 @@ class Membrane(FieldsAlone, ABC):
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
-    @cached_property
+    @built_once
     def wave_numbers(self) -> Array:
         """Wave numbers k pi of the modes, k = 1..N, (N,)."""
         return np.pi * np.arange(1.0, self.n_modes + 1)
@@ -181,7 +181,7 @@ class LinearMembrane(Membrane):
 
     _law: ClassVar[TensionLaw] = ConstantTension()
 
-    @cached_property
+    @built_once
     def _strain(self) -> Strain:
         return SmallSlopes(self.wave_numbers)
 
@@ -203,7 +203,7 @@ class QuasiLinearMembrane(Membrane):
 
     _law: ClassVar[TensionLaw] = ElasticTension()
 
-    @cached_property
+    @built_once
     def _strain(self) -> Strain:
         return SmallSlopes(self.wave_numbers)
 
@@ -243,6 +243,6 @@ class NonlinearMembrane(Membrane):
             n_nodes = whole_number("n_nodes", self.n_nodes, least=self.n_modes + 1, advice=advice)
             object.__setattr__(self, "n_nodes", n_nodes)
 
-    @cached_property
+    @built_once
     def _strain(self) -> Strain:
         return ExactArc(self.wave_numbers, max(32, 4 * self.n_modes + 8) if self.n_nodes is None else self.n_nodes)
