@@ -80,14 +80,12 @@ def _from_linear(
 ) -> Iterator[tuple[Array, Method, str]]:
     """Yield guesses, each with the method that begins there and a word for it; dear ones are made when asked for."""
     yield linear, method, "linear response"
-    if not isinstance(method, Newton):
-        return
     if problem.n_harmonics > 1:
         fewer = problem.with_harmonics(1)
         coarse = attempt(fewer, values, fewer.vector(linear.reshape(problem.shape)), method, start="linear response")
         if coarse.converged:
             yield problem.vector(coarse.coefficients), method, "one harmonic"
-    grown = from_rest(problem, values, method)
+    grown = from_rest(problem, values, method if isinstance(method, Newton) else Newton())
     if grown is not None:
         yield grown, method, "growing load"
     # at a resonance without damping the linear response says nothing: begin away from rest as well
@@ -106,8 +104,6 @@ def _beside_rest(problem: HarmonicBalance, values: Array, method: Method) -> Ite
     length = load / problem.assembly.linear.term_size(unit.reshape(problem.shape), values) or 1.0
     near = 1e-3 * length * unit
     yield near, method, "near rest"
-    if not isinstance(method, Newton):
-        return
     mean = np.zeros(problem.shape)
     for mean[:, 0] in (length * size * sign for size in (1.0, 1e2, 1e-2) for sign in (1.0, -1.0)):
         yield mean.ravel().copy(), method, "a mean beside rest"

@@ -29,7 +29,7 @@ def solve(
 ) -> Solution:
     """Return a periodic solution at one parameter point.
 
-    Without a start it begins with the linear response and, where Newton's method fails there, from the solution with
+    Without a start it begins with the linear response and, where the method fails there, from the solution with
     fewer harmonics, then along the solutions that lead from rest as the load grows to its value (a continuation, so
     folds on the way do not matter), and last by IPOPT.
 

@@ -68,7 +68,7 @@ class PeriodicSignals:
         """
         if self.highest is not None:
             basis = self._equidistant(n_harmonics)
-            return np.asarray(self._sampled(basis.theta, values) @ basis.projection.T)
+            return basis.projected(self._sampled(basis.theta, values))
         resolved = self._resolved(values, n_harmonics)
         return np.asarray(resolved.samples @ resolved.rule.projection(n_harmonics).T)
 
@@ -77,10 +77,8 @@ class PeriodicSignals:
         direction = (np.arange(values.size) == index).astype(float)
         if self.highest is not None:
             basis = self._equidistant(n_harmonics)
-            by_parameter = in_chunks(
-                self._along, basis.theta[None, :], np.zeros((1, basis.n_samples)), values, direction
-            )
-            return np.asarray(by_parameter @ basis.projection.T)
+            still = np.zeros((1, basis.n_samples))
+            return basis.projected(in_chunks(self._along, basis.theta[None, :], still, values, direction))
         rule, samples, _ = self._resolved(values, n_harmonics)
         nodes, weights = rule.moved(self._switch_points.along(rule.breaks, values, index))
         along = in_chunks(self._along, rule.theta[None, :], nodes[None, :], values, direction)

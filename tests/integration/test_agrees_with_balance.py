@@ -31,7 +31,7 @@ CASES = {
     "absorber": lambda: traced(tuned_absorber(force=0.15), 11, (0.6, 2.5), {}, 3),
     "wing": lambda: traced(
         membrane_wing(QuasiLinearMembrane(prestrain=0.008, n_modes=2), thin_airfoil(2)),
-        25,
+        31,
         (5.0, 12.0),
         {"pitch_amplitude": 0.1, "pitch_mean": 0.02},
         2,

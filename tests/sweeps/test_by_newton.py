@@ -235,18 +235,19 @@ def test_an_error_on_the_way_keeps_the_sweep(problem):
 
 
 def test_a_march_that_loses_its_solution_goes_on_where_rest_is_singular():
-    """A magnet and a pull: x + 1 / x^2 = pull at rest, which has no solution x > 0 below pull = 3 / 4^(1/3) = 1.89."""
+    """A spring, a pull and a repulsion: x + x^(-3/2) = pull, none below pull = (5/3) 1.5^(2/5) = 1.96."""
     system = System(
         1.0,
         0.1,
         0.0,
-        nonlinear_force=lambda q, v, tau, p: [p.pull - 1.0 / q[0] ** 2 - q[0]],
+        nonlinear_force=lambda q, v, tau, p: [p.pull - q[0] - 1.0 / (q[0] * ca.sqrt(q[0]))],
         forcing=lambda tau, p: [1e-3 * ca.cos(tau)],
         parameters={"pull": 3.0, "omega": 0.1},
     )
     problem = HarmonicBalance(system, 3)
     with pytest.raises(NonFiniteError, match="give a start"):
-        sweep(problem, "pull", [3.0, 2.5])
-    marched = sweep(problem, "pull", [3.0, 2.5, 1.0, 2.5], start=[[2.9, 0.0, 0.0]])
-    assert marched.complete
-    assert marched.converged.tolist() == [True, True, False, True]
+        sweep(problem, "pull", [1.0, 2.5])
+    for start in (None, [[2.9, 0.0, 0.0]]):
+        marched = sweep(problem, "pull", [3.0, 2.5, 1.0, 2.5], start=start)
+        assert marched.complete
+        assert marched.converged.tolist() == [True, True, False, True]
