@@ -26,7 +26,7 @@ DATA = CAMPAIGN.parent / "results"
 # vortex shedding:
 # C. Liu, X. Zheng, C. H. Sung, J. Comput. Phys. 139 (1998) 35-57, doi:10.1006/jcph.1997.5859;
 # C. H. K. Williamson, Phys. Fluids 31 (1988) 2742-2744 (its frequency).
-# The lift amplitude at Re = 200 spreads more than all else; docs/dns.md has the values with their methods. The upper end
+# The lift amplitude at Re = 200 spreads more than all else; docs/dns.md has the values with their methods. The highest
 # is that of M. Braza, P. Chassaing, H. Ha Minh, J. Fluid Mech. 165 (1986) 79-130, doi:10.1017/S0022112086003014.
 RANGES = {
     "cylinder_40": {"C_D": (1.50, 1.54), "wake_length": (2.13, 2.35)},
