@@ -190,7 +190,9 @@ def settle(
             settled = dataclasses.replace(found, y=y, iterations=iteration, error=error)
             return _balanced(settled, float(np.abs(right).max()) / terms)
         y += step
-    return _failed(y, found.iterations, found.factorisations, error, f"no convergence to {options.tol:g}")
+    return _failed(
+        y, found.iterations, found.factorisations, error, f"no convergence to {options.tol:g}, {error:.1e} remain"
+    )
 
 
 def _balanced(found: Correction, residual: float) -> Correction:
