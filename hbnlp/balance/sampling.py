@@ -101,6 +101,11 @@ class Sampling(FieldsAlone):
         n_samples = max(other.n_samples, min(in_proportion, max(MOST_SAMPLES, self.n_samples)))
         return dataclasses.replace(other, n_samples=n_samples, settled=self.settled, automatic=False)
 
+    @property
+    def may_double(self) -> bool:
+        """Whether twice the samples of the force are no more than a smooth one would need."""
+        return 2 * self.n_samples <= MOST_SAMPLES
+
     def doubled(self) -> Sampling:
         """Return the policy with twice the samples of the force, still to be checked.
 
@@ -109,10 +114,10 @@ class Sampling(FieldsAlone):
         SamplingError
             If these are more than a smooth force would need.
         """
-        if 2 * self.n_samples > MOST_SAMPLES:
+        if not self.may_double:
             raise SamplingError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
-                "it is not smooth enough for this tolerance; smooth it or pass n_samples"
+                "it is not smooth enough for this tolerance, or too steep; smooth it or pass n_samples"
             )
         return dataclasses.replace(self, n_samples=2 * self.n_samples, settled=False, automatic=False)
 
