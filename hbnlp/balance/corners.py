@@ -26,7 +26,7 @@ ASIDE = 1e-6
 KINK = 1e-3
 """Slopes by phase that differ by more than this part of the largest one are a kink."""
 WIDTH = 0.01
-"""Width of rounding, in terms of the largest speed of the quantity by phase, that takes 1,000 to 3,000 samples a period."""
+"""Width of rounding, in terms of the largest speed of the quantity by phase; it takes 1,000 to 3,000 samples."""
 
 
 class Corner(NamedTuple):

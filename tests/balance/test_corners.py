@@ -145,6 +145,21 @@ def test_the_width_that_is_named_is_one_that_can_be_sampled(sharp, rounded, quan
     assert np.abs(narrow.coefficients - wide.coefficients).max() < 0.1 * np.abs(wide.coefficients).max()
 
 
+def test_a_rounded_gap_tends_to_the_sharp_one_nearly_with_the_square_of_the_width():
+    sharp, rounded, quantity = ROUNDED["a gap"]
+
+    def solved(law, width, n_samples=None):
+        system = oscillator(lambda q, v, tau, p: [law(quantity(q, v, p), p.width)])
+        problem = HarmonicBalance(system, 5, n_samples=n_samples)
+        return solve(problem, at={"omega": 0.7, "width": width}).coefficients
+
+    exact = solved(sharp, 0.0, 2**15)
+    size = np.abs(exact).max()
+    errors = np.array([np.abs(solved(rounded, share * size) - exact).max() / size for share in (0.05, 0.02, 0.01)])
+    np.testing.assert_allclose(errors, [1.5e-3, 3.5e-4, 9e-5], rtol=0.25)
+    assert np.abs(solved(sharp, 0.0, 1024) - exact).max() < 1e-5 * size
+
+
 def test_rounded_friction_tends_to_its_describing_function_with_the_square_of_the_width():
     """With one harmonic, mu sign(v) has the first coefficient 4 mu / pi, in phase with v."""
     omega, mu, load, damping = 0.7, 0.2, 1.0, 0.2
