@@ -161,11 +161,13 @@ class HarmonicBalance:
             corner = self.corner(x, values)
             if corner is not None:
                 raise CornerError(f"{corner}; or pass n_samples, and see what twice as many change")
-        fine, coarse = (each.assembly.residual(x, values) for each in (self.oversampled(), self))
-        moved = float(np.max(np.abs(fine - coarse)))
-        return moved <= ALIASING_TOL * max(self.assembly.term_size(x, values), float(np.finfo(float).tiny))
+        return self.aliasing(x, values) <= ALIASING_TOL
 
-    # -- numbers ----------------------------------------------------------------------------------------------------
+    def aliasing(self, x: Array, values: Array) -> float:
+        """Return by how much twice the samples of the force move the residual, relative to its terms."""
+        fine, coarse = (each.assembly.residual(x, values) for each in (self.oversampled(), self))
+        size = max(self.assembly.term_size(x, values), float(np.finfo(float).tiny))
+        return float(np.max(np.abs(fine - coarse))) / size
 
     def corner(self, x: Array, values: Array) -> Corner | None:
         """Return the worst corner of the force on a motion, x (n (2H+1),) at values (n_parameters,); None without."""

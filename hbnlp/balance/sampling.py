@@ -12,7 +12,7 @@ from math import ceil
 
 import numpy as np
 
-from hbnlp.core.errors import SamplingError
+from hbnlp.core.errors import CornerError
 from hbnlp.core.kept import built_once
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
@@ -111,13 +111,13 @@ class Sampling(FieldsAlone):
 
         Raises
         ------
-        SamplingError
+        CornerError
             If these are more than a smooth force would need.
         """
         if not self.may_double:
-            raise SamplingError(
+            raise CornerError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
-                "it is not smooth enough for this tolerance, or too steep; smooth it or pass n_samples"
+                "it is not smooth enough for this tolerance, or too steep; smooth it over some width, or pass n_samples"
             )
         return dataclasses.replace(self, n_samples=2 * self.n_samples, settled=False, automatic=False)
 

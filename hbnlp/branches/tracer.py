@@ -24,6 +24,7 @@ from hbnlp.core.interrupts import guarded
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
+from hbnlp.core.types import Array
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
@@ -31,6 +32,13 @@ from hbnlp.systems.linear_stability import check_linear_stability
 
 DEFAULT_STABILITY = Floquet()
 AWAY_FROM = "hbnlp.trace(start, ...): a start from switch_branch knows where it leads away from, its origin"
+
+ROUGH = 1e-4
+"""Twice the samples of a smooth force do not move the residual by more than this part of its terms, over one step."""
+STEEP = (
+    "nonlinear_force turns round within fewer samples than there are on this motion: round it over a larger width, or "
+    "pass n_samples"
+)
 
 _ENDS = {
     Stop.CLOSED: End.CLOSED,
@@ -169,13 +177,20 @@ class Tracer(StaysHere):
             self._corner = str(error)
             return
         if self._walk.stop in (Stop.STEP_TOO_SMALL, Stop.JUMP):
-            curve, last = self._walk.curve, self._walk.point
+            last = self._walk.point
             # the step that failed may have been the one onto the corner
-            for y in (last.y, last.y + self.options.step * last.tangent):
-                corner = curve.problem.corner(curve.unknowns.coefficients(y), curve.values(y))
-                if corner is not None:
-                    self._corner = f"{self._walk.stop.value}; perhaps because {corner}"
-                    return
+            reasons = [self._rough(y) for y in (last.y, last.y + self.options.step * last.tangent)]
+            self._corner = next((f"{self._walk.stop.value}; perhaps because {each}" for each in reasons if each), "")
+
+    def _rough(self, y: Array) -> str:
+        """Return what is not smooth in the force on a motion; nothing where it is."""
+        curve = self._walk.curve
+        problem, x, values = curve.problem, curve.unknowns.coefficients(y), curve.values(y)
+        corner = problem.corner(x, values)
+        if corner is not None:
+            return str(corner)
+        steep = problem.sampling.may_double and problem.aliasing(x, values) > ROUGH
+        return STEEP if steep else ""
 
     def _kept(self, point: Point, special_points: tuple[SpecialPoint, ...]) -> Traced:
         curve = self._walk.curve

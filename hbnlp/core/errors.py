@@ -47,7 +47,7 @@ class SamplingError(HbnlpError, ValueError):
 
 
 class CornerError(SamplingError):
-    """A force has a step or a corner on the motion, so that no number of samples is enough."""
+    """A force has a step or a corner on the motion, or is nearly as steep: no number of samples is enough."""
 
 
 class SaveError(HbnlpError, OSError):

@@ -62,3 +62,10 @@ def test_a_step_at_which_no_step_is_accepted_is_the_reason(n_samples, caplog):
     assert branch.end is End.CORNER
     assert "; perhaps because nonlinear_force[0] has a step of 0.3 on this motion" in branch.message
     assert "the trace ended at omega" in caplog.text
+
+
+def test_a_rounding_that_is_too_steep_for_the_samples_is_the_reason():
+    steep = system(lambda q, v, tau, p: [0.1 * ca.tanh((q[0] - p.gap) / 1e-6)])
+    branch = hbnlp.trace(hbnlp.HarmonicBalance(steep, 5), "omega", (0.4, 2.0))
+    assert branch.end is End.CORNER
+    assert "turns round within fewer samples than there are" in branch.message
