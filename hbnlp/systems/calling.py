@@ -64,7 +64,8 @@ def called(what: str, function: Any, **arguments: Any) -> Any:
         )
     try:
         with _among_symbols():
-            value = function(*arguments.values())
+            # a copy of each: a function that writes into its q would take our symbols from us
+            value = function(*[ca.SX(each) if isinstance(each, ca.SX) else each for each in arguments.values()])
     except Exception as error:
         place = _place(error)
         raise ValueError(f"{what}{place.words}: {_meaning(_Mistake(error, place.line, arguments))}") from error
@@ -152,7 +153,7 @@ class _Rule(NamedTuple):
 
 def _meaning(mistake: _Mistake) -> str:
     """Return what an error means, by the first rule that knows it, and what to write instead."""
-    raised = f"{type(mistake.error).__name__}: {mistake.error}"
+    raised = f"{type(mistake.error).__name__}: {mistake.error}".removesuffix(": ")
     for pattern, meaning, remedy in _RULES:
         known = re.search(pattern, raised)
         if known:
@@ -177,7 +178,7 @@ def _instead_of_decisions(mistake: _Mistake) -> str:
 def _casadis_functions(mistake: _Mistake) -> str:
     foreign = [*re.findall(r"numpy\.(\w+)", str(mistake.error)), *re.findall(r"\b(?!ca\.)\w+\.(\w+)\(", mistake.line)]
     names = dict.fromkeys(f"ca.{_NAMES.get(name, name)}" for name in foreign)
-    known = [name for name in names if hasattr(ca, name[3:])]
+    known = [name for name in names if hasattr(ca, name[3:]) and name != "ca.array"]
     if known:
         return f"write {', '.join(known)}"
     return "write functions of CasADi, such as ca.sin, ca.sqrt, ca.fmax, without float() and int(), and return a list"
@@ -208,7 +209,7 @@ _RULES = (
     ),
     _Rule(
         f"{NO_NUMBER}|to_int not defined|does not support numpy|Implicit conversion of symbolic|loop of ufunc|"
-        "not supported for the input types|setting an array element|no implementation found",
+        "not supported for the input types|setting an array element|no implementation found|Cannot cast ufunc",
         "a symbol has no number yet, as float, int, math, scipy, and some functions and arrays of numpy want it",
         _casadis_functions,
     ),
@@ -220,5 +221,5 @@ _RULES = (
     _Rule("eval_sx", "this function of CasADi takes no SX symbols", "write it with ca.if_else, ca.pw_lin or sums"),
     _Rule(r"overloaded function '(?:SX_)?(\w+)'", r"CasADi's \1 does not take these arguments"),
     _Rule(r"^(?:AttributeError|KeyError): [\"']*(unknown .*\))", r"\1"),
-    _Rule(r"^(\w+): ?([^\n]*)", r"\1: \2"),
+    _Rule(r"^([^\n]*)", r"\1"),
 )

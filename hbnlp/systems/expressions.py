@@ -52,8 +52,11 @@ def compiled_outputs(
     a, x = ca.SX.sym("a", q.numel()), ca.SX.sym("x", n_lags)
     du, ddu = motion_derivatives(motion, tau, named.omega)
     signals = {"q": q, "v": v, "a": a, "x": x, "u": motion, "du": du, "ddu": ddu, "tau": tau, "p": named}
-    seen, arguments, rows = Namespace("signal", signals), [q, v, a, x, tau, p], []
+    arguments, rows = [q, v, a, x, tau, p], []
     for name, rule in rules.items():
+        # copies for each: a rule that writes into its q would change what the next one sees
+        copies = {key: ca.SX(each) if isinstance(each, ca.SX) else each for key, each in signals.items()}
+        seen = Namespace("signal", copies)
         rows.append(column(f"output {name!r}", called(f"output {name!r}", rule, s=seen), 1))
         check_symbols(f"output {name!r}", rows[-1], arguments)
     return ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)])

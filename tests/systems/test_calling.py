@@ -41,6 +41,8 @@ MISTAKES = {
     "isnan": (lambda q, v, tau, p: [np.isnan(q[0])], "has no number yet"),
     "polyval": (lambda q, v, tau, p: [np.polyval([1.0, 2.0], q[0])], NO_NUMBER.format(r"ca\.polyval")),
     "an array of numbers": (lambda q, v, tau, p: np.array([1.0, 2.0]).__setitem__(0, q[0]), "has no number yet"),
+    "an inverse": (lambda q, v, tau, p: np.linalg.inv(np.array([[q[0]]])), "has no number yet"),
+    "nothing said": (lambda q, v, tau, p: next(iter([])), "StopIteration$"),
     "q[1]": (lambda q, v, tau, p: [q[1]], NO_ENTRY.format(r"1 entry, \[0\]$")),
     "q[-2]": (lambda q, v, tau, p: [q[-2]], NO_ENTRY.format(r"1 entry, \[0\]$")),
     "q of text": (lambda q, v, tau, p: [q["x"]], "CasADi's get does not take these arguments"),
@@ -101,6 +103,20 @@ def test_every_function_of_a_user_is_answered_with_its_name_and_line():
         ) as caught:
             System(ONE, ONE, stiffness, parameters={"gap": 0.5}, **options)
         assert isinstance(caught.value.__cause__, TypeError)
+
+
+def test_a_function_may_write_into_its_arguments():
+    def force(q, *_):
+        q[0] = q[0] - 0.5
+        return [q[0] ** 3]
+
+    def shifted(s):
+        s.q[0] = s.q[0] + 7.0
+        return s.q[0]
+
+    written = system(force, outputs={"shifted": shifted, "x": lambda s: s.q[0]})
+    assert float(written.compiled_force.value(2.5, 0.0, 0.0, [0.5, 1.0])) == 8.0
+    np.testing.assert_array_equal(written.outputs(2.5, 0, 0, [], 0, [0.5, 1.0]).full().ravel(), [9.5, 2.5])
 
 
 def spring(x):
