@@ -209,7 +209,7 @@ _RULES = (
     ),
     _Rule(
         f"{NO_NUMBER}|to_int not defined|does not support numpy|Implicit conversion of symbolic|loop of ufunc|"
-        "not supported for the input types|setting an array element|no implementation found|Cannot cast ufunc",
+        "not supported for the input types|setting an array element|no implementation found|Cannot cast ufunc|condlist",
         "a symbol has no number yet, as float, int, math, scipy, and some functions and arrays of numpy want it",
         _casadis_functions,
     ),

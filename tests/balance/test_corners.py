@@ -38,7 +38,7 @@ AT_THE_GAP = {
     "fmax": lambda q, v, tau, p: [3.0 * ca.fmax(q[0] - p.gap, 0.0)],
     "fabs": lambda q, v, tau, p: [3.0 * ca.fabs(q[0] - p.gap)],
     "if_else": lambda q, v, tau, p: [ca.if_else(q[0] > p.gap, 3.0 * (q[0] - p.gap), 0.0)],
-    "numpy": lambda q, v, tau, p: [3.0 * np.maximum(q[0] - p.gap, 0.0) + q[0] ** 3],
+    "numpy": lambda q, v, tau, p: [3.0 * np.fmax(q[0] - p.gap, 0.0) + q[0] ** 3],
 }
 
 
