@@ -111,11 +111,11 @@ def _array(what: str, value: Any) -> NDArray[np.object_]:
     """Return what a user gave, numbers and expressions in lists or arrays, as an array of them."""
     try:
         return np.array(value, dtype=object)
-    except Exception:  # earlier releases of CasADi raise nothing more special
+    except Exception as error:  # earlier releases of CasADi raise nothing more special
         raise ValueError(
             f"{what} is a list with columns in it; one column, such as ca.vertcat(a, b), or a list of single "
             "expressions, such as [q[0], q[1]], is needed"
-        ) from None
+        ) from error
 
 
 def _expression(what: str, entry: Any) -> ca.SX:
