@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.assembly import Assembly
+from hbnlp.balance.corners import Corner, Corners
 from hbnlp.balance.output_groups import warn_of_switches
 from hbnlp.balance.outputs import Outputs
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
+from hbnlp.core.errors import CornerError
 from hbnlp.core.kept import Kept, built_once
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array, ComplexArray
@@ -151,15 +153,29 @@ class HarmonicBalance:
         Raises
         ------
         SamplingError
-            If a smooth force would not need that many.
+            If a smooth force would not need that many; a CornerError, which says where, if it has a corner.
         """
         if self.samples_are_settled:
             return True
-        fine, coarse = (each.assembly.residual(x, values) for each in (self.oversampled(), self))
-        moved = float(np.max(np.abs(fine - coarse)))
-        return moved <= ALIASING_TOL * max(self.assembly.term_size(x, values), float(np.finfo(float).tiny))
+        if not self.sampling.may_double:
+            corner = self.corner(x, values)
+            if corner is not None:
+                raise CornerError(f"{corner}; or pass n_samples, and see what twice as many change")
+        return self.aliasing(x, values) <= ALIASING_TOL
 
-    # -- numbers ----------------------------------------------------------------------------------------------------
+    def aliasing(self, x: Array, values: Array) -> float:
+        """Return by how much twice the samples of the force move the residual, relative to its terms."""
+        fine, coarse = (each.assembly.residual(x, values) for each in (self.oversampled(), self))
+        size = max(self.assembly.term_size(x, values), float(np.finfo(float).tiny))
+        return float(np.max(np.abs(fine - coarse))) / size
+
+    def corner(self, x: Array, values: Array) -> Corner | None:
+        """Return the worst corner of the force on a motion, x (n (2H+1),) at values (n_parameters,); None without."""
+        return self._corners.worst(x.reshape(self.shape), values)
+
+    @built_once
+    def _corners(self) -> Corners:
+        return Corners(self.system, self.periods)
 
     @built_once
     def assembly(self) -> Assembly:

@@ -12,7 +12,7 @@ from math import ceil
 
 import numpy as np
 
-from hbnlp.core.errors import SamplingError
+from hbnlp.core.errors import CornerError
 from hbnlp.core.kept import built_once
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
@@ -101,18 +101,23 @@ class Sampling(FieldsAlone):
         n_samples = max(other.n_samples, min(in_proportion, max(MOST_SAMPLES, self.n_samples)))
         return dataclasses.replace(other, n_samples=n_samples, settled=self.settled, automatic=False)
 
+    @property
+    def may_double(self) -> bool:
+        """Whether twice the samples of the force are no more than a smooth one would need."""
+        return 2 * self.n_samples <= MOST_SAMPLES
+
     def doubled(self) -> Sampling:
         """Return the policy with twice the samples of the force, still to be checked.
 
         Raises
         ------
-        SamplingError
+        CornerError
             If these are more than a smooth force would need.
         """
-        if 2 * self.n_samples > MOST_SAMPLES:
-            raise SamplingError(
+        if not self.may_double:
+            raise CornerError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
-                "it is not smooth enough for this tolerance; smooth it or pass n_samples"
+                "it is not smooth enough for this tolerance, or too steep; smooth it over some width, or pass n_samples"
             )
         return dataclasses.replace(self, n_samples=2 * self.n_samples, settled=False, automatic=False)
 

@@ -72,6 +72,7 @@ class End(enum.Enum):
     JUMP = (
         "every step, however small, would jump to another branch or turn back; another start on the far side may go on"
     )
+    CORNER = "the force is not smooth on the motion, a step, a corner or nearly as steep: round it over a width"
     INTERRUPTED = "interrupted; resume it"
     ERROR = "an error was raised"
     STOPPED = "stopped by a callback; resume it"

@@ -69,7 +69,8 @@ def solve(
         solution = cold_start(problem, values, method)
     if solution.converged or not throw:
         return solution
+    reason, corner = solution.statistics["reason"], problem.corner(solution.coefficients, values)
+    if corner is not None and str(corner) not in str(reason):
+        reason = f"{reason}; perhaps because {corner}"
     point = ", ".join(f"{k}={v:g}" for k, v in solution.parameters.items())
-    raise ConvergenceError(
-        f"no solution at {point}: {solution.statistics['reason']}. {Status.NOT_CONVERGED.value}", solution
-    )
+    raise ConvergenceError(f"no solution at {point}: {reason}. {Status.NOT_CONVERGED.value}", solution)

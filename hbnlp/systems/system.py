@@ -14,6 +14,7 @@ from hbnlp.core.checks import unknown_name
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.types import Array
+from hbnlp.systems.calling import called
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.definition import Definition
 from hbnlp.systems.equivariance import Equivariance
@@ -81,7 +82,10 @@ class System:
     ------
     ValueError
         For a matrix or force of the wrong shape, a value that is not finite, or a symmetry or angle that the equations
-        do not have: the message says in which term, and by how much.
+        do not have: the message says in which term, and by how much. Also for whatever a user's function raises: the
+        message says in which line, and what to write; the error itself is its cause.
+    TypeError
+        For a function of other arguments than its own.
     KeyError
         For an angle that is no displacement.
 
@@ -142,7 +146,7 @@ class System:
         n = m_q.shape[0]
         d_q, k_q = matrix("damping", damping, p, named, (n, n)), matrix("stiffness", stiffness, p, named, (n, n))
 
-        u = column("motion", motion(tau, named)) if motion else ca.SX(0, 1)
+        u = ca.SX(0, 1) if motion is None else column("motion", called("motion", motion, tau=tau, p=named))
         n_u = u.shape[0]
         k_u = matrix("input_stiffness", input_stiffness, p, named, (n, n_u))
         d_u = matrix("input_damping", input_damping, p, named, (n, n_u))
@@ -154,8 +158,13 @@ class System:
         l_x = matrix("lag_output", lag_output, p, named, (n, m))
 
         q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
-        force = column("nonlinear_force", nonlinear_force(q, v, tau, named), n) if nonlinear_force else ca.SX.zeros(n)
-        load = column("forcing", forcing(tau, named), n) if forcing else ca.SX.zeros(n)
+        force, load = ca.SX.zeros(n), ca.SX.zeros(n)
+        if nonlinear_force is not None:
+            value = called("nonlinear_force", nonlinear_force, q=q, v=v, tau=tau, p=named)
+            force = column("nonlinear_force", value, n, each=", one for each degree of freedom")
+        if forcing is not None:
+            value = called("forcing", forcing, tau=tau, p=named)
+            load = column("forcing", value, n, each=", one for each degree of freedom")
         _check_signals(known, force, load, u, (q, v, tau, p))
         rules = dict(outputs) if outputs is not None else displacements(n)
         signals = compiled_outputs(rules, (q, v, tau, p), u, m, named)

@@ -194,8 +194,11 @@ def test_matrices_must_have_the_size_of_the_mass_matrix(what):
 
 
 BAD_FORCES = {
-    "too many": (lambda q, v, tau, p: [q[0], q[0]], r"returned shape \(2, 1\); 1 expressions are needed"),
-    "a matrix": (lambda q, v, tau, p: ca.SX.zeros(2, 2), r"returned shape \(2, 2\)"),
+    "too many": (
+        lambda q, v, tau, p: [q[0], q[0]],
+        "returned 2 expressions; 1 is needed, one for each degree of freedom",
+    ),
+    "a matrix": (lambda q, v, tau, p: ca.SX.zeros(2, 2), r"returned a matrix of shape \(2, 2\)"),
     "nothing": (lambda q, v, tau, p: None, "nonlinear_force .*None"),
     "text": (lambda q, v, tau, p: "stiff", "nonlinear_force .*stiff"),
     "a symbol of a program": (lambda q, v, tau, p: [MX * 2.0], "nonlinear_force .*program"),
@@ -215,7 +218,7 @@ def test_a_bad_force_is_refused_by_name(given, message):
 
 
 BAD_SIGNALS = {
-    "too many": (lambda tau, p: [0.0, 1.0], r"returned shape \(2, 1\); 1 expressions are needed"),
+    "too many": (lambda tau, p: [0.0, 1.0], "returned 2 expressions; 1 is needed"),
     "nothing": (lambda tau, p: None, "None"),
     "a foreign symbol": (
         lambda tau, p: [FOREIGN],
@@ -291,23 +294,23 @@ def test_a_misspelt_parameter_is_refused_with_the_right_one():
         {"motion": lambda tau, p: [p.cubc]},
         {"input_stiffness": lambda p: [[p.cubc]], "motion": lambda tau, p: [ca.sin(tau)]},
     ):
-        with pytest.raises(AttributeError, match=message):
+        with pytest.raises(ValueError, match=message):
             System(ONE, ONE, ONE, parameters=PARAMETERS, **bad)
-    with pytest.raises(AttributeError, match=message):
+    with pytest.raises(ValueError, match=message):
         System(ONE, lambda p: [[p.cubc]], ONE, parameters=PARAMETERS)
 
 
 BAD_OUTPUTS = {
-    "two expressions": (lambda s: ca.vertcat(s.q, s.v), ValueError, r"output 'y' returned shape \(2, 1\)"),
-    "an unknown signal": (lambda s: s.velocity, AttributeError, "unknown signal 'velocity'"),
-    "a foreign symbol": (lambda s: FOREIGN, ValueError, "output 'y' uses 'foreign'"),
-    "nothing": (lambda s: None, ValueError, "output 'y' .*None"),
+    "two expressions": (lambda s: ca.vertcat(s.q, s.v), "output 'y' returned 2 expressions; 1 is"),
+    "an unknown signal": (lambda s: s.velocity, "output 'y'.*unknown signal 'velocity'"),
+    "a foreign symbol": (lambda s: FOREIGN, "output 'y' uses 'foreign'"),
+    "nothing": (lambda s: None, "output 'y' .*None"),
 }
 
 
-@pytest.mark.parametrize(("rule", "error", "message"), BAD_OUTPUTS.values(), ids=BAD_OUTPUTS)
-def test_a_bad_output_is_refused_at_construction(rule, error, message):
-    with pytest.raises(error, match=message):
+@pytest.mark.parametrize(("rule", "message"), BAD_OUTPUTS.values(), ids=BAD_OUTPUTS)
+def test_a_bad_output_is_refused_at_construction(rule, message):
+    with pytest.raises(ValueError, match=message):
         System(ONE, ONE, ONE, outputs={"y": rule})
 
 
