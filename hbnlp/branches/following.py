@@ -20,6 +20,7 @@ from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
 from hbnlp.core.errors import ConvergenceError, SamplingError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.tasks import Ending, Report, drive
@@ -30,6 +31,7 @@ from hbnlp.solutions.solution import attached
 from hbnlp.systems.parameters import ParameterSet
 
 
+@interrupts_kept()
 def follow(
     point: SpecialPoint,
     name: str,

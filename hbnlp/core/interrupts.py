@@ -1,10 +1,16 @@
-"""Ctrl-C within calls to compiled code, which may swallow it or turn it into an error or a result of its own."""
+"""Ctrl-C during long work: noted when it comes, raised where nothing is half done.
+
+An exception that appears just anywhere gets lost: CasADi's functions return None or an error of their own, IPOPT tries
+a shorter step, CVODES reports a failed right side, and Python ignores what is raised while an object is deleted. So
+SIGINT is noted, and raised by the next check: after a call of a compiled function, between iterations of IPOPT, at the
+end of a step of long work. A second one, of somebody who does not want to wait, is raised at once.
+"""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import TypeVar
@@ -12,38 +18,104 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-@contextmanager
-def interrupts_kept() -> Iterator[None]:
-    """Leave the block by a KeyboardInterrupt if one arrived in it, whatever the code within made of it.
+class Interrupts:
+    """What SIGINT is handed to while work is under way, before the handler that was there."""
 
-    CVODES reports an interrupt as a failure of the right side, other solvers as a result, CasADi's functions may return
-    None. Outside the main thread, which alone sees signals, this does nothing.
-    """
-    handler = signal.getsignal(signal.SIGINT)
-    if not callable(handler) or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    arrived = False
+    def __init__(self) -> None:
+        self._handler: Callable[[int, FrameType | None], object] | None = None
+        self._noted: BaseException | None = None
+        self._at_once = False
 
-    def note(number: int, frame: FrameType | None) -> None:
-        nonlocal arrived
+    @property
+    def noted(self) -> bool:
+        """Whether there was one that the calling thread has to end for: only the main thread sees signals."""
+        return self._noted is not None and _in_main_thread()
+
+    def taken(self) -> bool:
+        """Return whether there was one, and forget it: for whoever returns a result that says so."""
+        noted = self.noted
+        if noted:
+            self._noted = None
+        return noted
+
+    def check(self) -> None:
+        """Raise what was noted, if anything was."""
+        if self._noted is not None and _in_main_thread():
+            raise self._noted.with_traceback(None)
+
+    @contextmanager
+    def kept(self) -> Iterator[Interrupts]:
+        """Note Ctrl-C in this block, or in a function so decorated, and raise it at the end if not before.
+
+        An error in a block that was interrupted is what the interrupt was turned into. Blocks may stand in each other.
+        Outside the main thread, and where SIGINT is ignored, this does nothing.
+        """
+        if not _in_main_thread():
+            yield self
+            return
+        at_once, self._at_once = self._at_once, False
+        outermost = self._handler is None and self._hand_over()
         try:
-            handler(number, frame)
-        except KeyboardInterrupt:
-            arrived = True
+            yield self
+            self.check()
+        except Exception:
+            self.check()
             raise
+        finally:
+            if outermost:
+                signal.signal(signal.SIGINT, self._handler)
+                self._handler = self._noted = None
+            self._at_once = at_once
 
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield
-    except Exception:
-        if arrived:
-            raise KeyboardInterrupt from None
-        raise
-    finally:
-        signal.signal(signal.SIGINT, handler)
-    if arrived:
-        raise KeyboardInterrupt
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """Raise Ctrl-C at once in this part of a block, and at the end if the code in it swallows it.
+
+        For what may last and can end anywhere: a user's callback, CVODES, a factorisation.
+        """
+        if self._handler is None or not _in_main_thread():
+            yield
+            return
+        before, self._at_once = self._at_once, True
+        try:
+            self.check()
+            yield
+            self.check()
+        except Exception:
+            self.check()
+            raise
+        finally:
+            self._at_once = before
+
+    def _hand_over(self) -> bool:
+        handler = signal.getsignal(signal.SIGINT)
+        if not callable(handler):
+            return False
+        self._handler, self._noted = handler, None
+        signal.signal(signal.SIGINT, self._arrived)
+        return True
+
+    def _arrived(self, number: int, frame: FrameType | None) -> None:
+        """Ask the handler that was there what it makes of the signal; an exception is what has to wait."""
+        assert self._handler is not None
+        waits = self._noted is None and not self._at_once
+        try:
+            self._handler(number, frame)
+        except BaseException as raised:
+            self._noted = raised
+            if not waits:
+                raise
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+# a process has one SIGINT, hence one of these
+INTERRUPTS = Interrupts()
+interrupts_kept = INTERRUPTS.kept
+interrupts_at_once = INTERRUPTS.at_once
+check_interrupts = INTERRUPTS.check
 
 
 def guarded(items: Iterable[T]) -> Iterator[T]:
