@@ -169,7 +169,7 @@ def _both_ways(
                 side.end = FIRST_SPAN
             elif walk.stop is not None:
                 side.end = _words(walk.stop)
-            counts = {"folds": sum(len(s.points) for s in sides), "events": sum(len(s.events) for s in sides)}
+            counts = {"folds": sum(len(s.points) for s in sides) - 1, "events": sum(len(s.events) for s in sides)}
             yield Report(after.value, 0.5 * sum(bool(s.end) for s in sides), counts)
             if side.end:
                 break

@@ -22,9 +22,10 @@ class Interrupts:
     """What SIGINT is handed to while work is under way, before the handler that was there."""
 
     def __init__(self) -> None:
-        self._handler: Callable[[int, FrameType | None], object] | None = None
+        self._here = self._arrived  # as it is found in the table of signals, which alone says whose turn it is
+        self._handler: Callable[[int, FrameType | None], object] = signal.default_int_handler
         self._noted: BaseException | None = None
-        self._at_once = False
+        self._at_once = self._leaving = False
 
     @property
     def noted(self) -> bool:
@@ -50,22 +51,26 @@ class Interrupts:
         An error in a block that was interrupted is what the interrupt was turned into. Blocks may stand in each other.
         Outside the main thread, and where SIGINT is ignored, this does nothing.
         """
-        if not _in_main_thread():
+        before = signal.getsignal(signal.SIGINT)
+        if not callable(before) or not _in_main_thread():
             yield self
             return
-        at_once, self._at_once = self._at_once, False
-        outermost = self._handler is None and self._hand_over()
+        outermost = before is not self._here
+        at_once = self._at_once and not outermost
         try:
+            if outermost:
+                self._handler, self._noted, self._leaving = before, None, False
+                signal.signal(signal.SIGINT, self._here)
+            self._at_once = False
             yield self
             self.check()
         except Exception:
             self.check()
             raise
         finally:
-            if outermost:
-                signal.signal(signal.SIGINT, self._handler)
-                self._handler = self._noted = None
             self._at_once = at_once
+            if outermost:
+                self._leave()
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
@@ -73,7 +78,7 @@ class Interrupts:
 
         For what may last and can end anywhere: a user's callback, CVODES, a factorisation.
         """
-        if self._handler is None or not _in_main_thread():
+        if signal.getsignal(signal.SIGINT) is not self._here or not _in_main_thread():
             yield
             return
         before, self._at_once = self._at_once, True
@@ -87,18 +92,17 @@ class Interrupts:
         finally:
             self._at_once = before
 
-    def _hand_over(self) -> bool:
-        handler = signal.getsignal(signal.SIGINT)
-        if not callable(handler):
-            return False
-        self._handler, self._noted = handler, None
-        signal.signal(signal.SIGINT, self._arrived)
-        return True
+    def _leave(self) -> None:
+        """Put the handler back that was there, and raise what came too late for a check."""
+        self._leaving = True  # one that comes now must not keep the handler from being put back
+        signal.signal(signal.SIGINT, self._handler)
+        late, self._noted = self._noted, None
+        if late is not None:
+            raise late.with_traceback(None)
 
     def _arrived(self, number: int, frame: FrameType | None) -> None:
         """Ask the handler that was there what it makes of the signal; an exception is what has to wait."""
-        assert self._handler is not None
-        waits = self._noted is None and not self._at_once
+        waits = self._leaving or (self._noted is None and not self._at_once)
         try:
             self._handler(number, frame)
         except BaseException as raised:
