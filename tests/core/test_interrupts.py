@@ -31,46 +31,74 @@ def swallow():
         interrupt()
 
 
-def test_an_interrupt_waits_for_the_end_of_the_block():
-    done = []
-    with pytest.raises(KeyboardInterrupt), interrupts_kept():
-        interrupt()
-        done.append("what was begun")
-    assert done
+@interrupts_kept()
+def work(*steps):
+    """Do some steps, with what to write down among them."""
+    for step in steps:
+        step()
 
 
-def test_an_interrupt_is_raised_by_the_next_check():
-    with interrupts_kept():
-        check_interrupts()
-    with pytest.raises(KeyboardInterrupt), interrupts_kept():
-        interrupt()
-        check_interrupts()
-        pytest.fail("it went on")
+@interrupts_kept()
+def work_that_may_last(*steps):
+    with interrupts_at_once():
+        work.__wrapped__(*steps)
 
 
-def test_a_second_interrupt_is_raised_at_once():
-    with pytest.raises(KeyboardInterrupt), interrupts_kept():
-        interrupt()
-        interrupt()
-        pytest.fail("it went on")
+class Log(list):
+    def of(self, word):
+        return lambda: self.append(word)
 
 
-def test_a_swallowed_interrupt_is_raised_after_the_block():
+@pytest.fixture
+def log():
+    return Log()
+
+
+def fail():
+    raise RuntimeError("rhs failed")
+
+
+def test_an_interrupt_waits_for_the_end_of_the_work(log):
+    with pytest.raises(KeyboardInterrupt):
+        work(interrupt, log.of("what was begun"))
+    assert log == ["what was begun"]
+
+
+def test_an_interrupt_is_raised_by_the_next_check(log):
+    with pytest.raises(KeyboardInterrupt):
+        work(check_interrupts, log.of(1), interrupt, log.of(2), check_interrupts, log.of(3))
+    assert log == [1, 2]
+
+
+def test_a_second_interrupt_is_raised_at_once(log):
+    with pytest.raises(KeyboardInterrupt):
+        work(interrupt, log.of(1), interrupt, log.of(2))
+    assert log == [1]
+
+
+def test_an_interrupt_is_raised_at_once_in_what_may_last(log):
+    with pytest.raises(KeyboardInterrupt):
+        work_that_may_last(log.of(1), interrupt, log.of(2))
+    assert log == [1]
+
+
+def test_a_swallowed_interrupt_is_raised_after_what_swallowed_it(log):
     swallow()
-    with pytest.raises(KeyboardInterrupt), interrupts_kept(), interrupts_at_once():
-        swallow()
+    with pytest.raises(KeyboardInterrupt):
+        work_that_may_last(swallow, log.of(1))
+    assert log == [1]
 
 
-def test_an_interrupt_is_raised_at_once_in_what_may_last():
-    with pytest.raises(KeyboardInterrupt), interrupts_kept(), interrupts_at_once():
-        interrupt()
-        pytest.fail("it went on")
+@pytest.mark.parametrize("kind", [work, work_that_may_last])
+def test_an_error_that_an_interrupt_was_turned_into_is_an_interrupt_again(kind):
+    with pytest.raises(KeyboardInterrupt):
+        kind(swallow, fail)
 
 
-def test_an_interrupt_turned_into_an_error_is_an_interrupt_again():
-    with pytest.raises(KeyboardInterrupt), interrupts_kept():
-        interrupt()
-        raise RuntimeError("rhs failed")
+def test_other_errors_and_results_pass():
+    with pytest.raises(RuntimeError, match="rhs failed"):
+        work(fail)
+    assert interrupts_kept()(lambda: 3)() == 3
 
 
 def test_an_interrupt_that_a_result_speaks_of_is_forgotten():
@@ -81,73 +109,56 @@ def test_an_interrupt_that_a_result_speaks_of_is_forgotten():
         check_interrupts()
 
 
-def test_blocks_stand_in_each_other():
-    done = []
-    with pytest.raises(KeyboardInterrupt), interrupts_kept():
-        with interrupts_kept():
-            done.append(1)
-        with interrupts_at_once(), interrupts_kept():
+def test_work_stands_in_other_work(log):
+    with pytest.raises(KeyboardInterrupt):
+        work(lambda: work(log.of(1)), lambda: work_that_may_last(lambda: work(interrupt, log.of(2))), log.of(3))
+    assert log == [1, 2]
+
+
+def test_what_comes_while_the_handler_is_put_back_is_raised(log):
+    class Late(type(INTERRUPTS)):
+        def _leave(self):
             interrupt()
-            done.append(2)
-        done.append(3)
-    assert done == [1, 2]
+            super()._leave()
+
+    with pytest.raises(KeyboardInterrupt):
+        Late().kept()(log.of(1))()
+    assert log == [1]
 
 
-def test_other_errors_and_results_pass():
-    with pytest.raises(RuntimeError, match="of its own"), interrupts_kept():
-        raise RuntimeError("of its own")
-    with interrupts_kept():
-        result = 3
-    assert result == 3
-
-
-def test_a_handler_of_the_users_is_asked_and_may_raise_what_it_likes():
+def test_a_handler_of_the_users_is_asked_and_may_raise_what_it_likes(log):
     class Stop(Exception):
         pass
 
-    def raising(number, frame):
+    def raising(*_):
         raise Stop
 
-    heard = []
-    signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
-    with interrupts_kept():
-        interrupt()
-        check_interrupts()
-    assert heard == [signal.SIGINT]
+    signal.signal(signal.SIGINT, lambda *_: log.append("heard"))
+    work(interrupt, check_interrupts, log.of(1))
     signal.signal(signal.SIGINT, raising)
-    with pytest.raises(Stop), interrupts_kept():
-        interrupt()
-        heard.append("before it is raised")
-    assert len(heard) == 2
+    with pytest.raises(Stop):
+        work(interrupt, log.of(2))
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    assert log == ["heard", 1, 2]
 
 
-def test_it_does_nothing_where_interrupts_are_ignored():
+def test_where_interrupts_are_ignored_they_still_are(log):
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with interrupts_kept():
-        interrupt()
-        check_interrupts()
+    work(interrupt, check_interrupts, log.of(1))
     assert signal.signal(signal.SIGINT, signal.default_int_handler) is signal.SIG_IGN
+    assert log == [1]
 
 
-def test_another_thread_neither_takes_nor_ends_for_an_interrupt_of_the_main_thread():
-    went_on = []
-
-    def work():
-        with interrupts_kept() as interrupts:
-            check_interrupts()
-            went_on.append(not interrupts.taken())
-
-    def in_thread():
-        thread = threading.Thread(target=work)
+def test_another_thread_neither_takes_nor_ends_for_an_interrupt_of_the_main_thread(log):
+    def beside():
+        thread = threading.Thread(target=work, args=[check_interrupts, lambda: log.append(INTERRUPTS.taken())])
         thread.start()
         thread.join()
 
-    in_thread()
-    with pytest.raises(KeyboardInterrupt), interrupts_kept():
-        interrupt()
-        in_thread()
-    assert went_on == [True, True]
+    beside()
+    with pytest.raises(KeyboardInterrupt):
+        work(interrupt, beside)
+    assert log == [False, False]
 
 
 def test_ipopt_ends_after_the_iteration_in_which_it_is_interrupted():
