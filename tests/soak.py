@@ -24,33 +24,44 @@ for line in sys.stdin:
     time.sleep(float(line))
     os.kill(os.getppid(), signal.SIGINT)
 """
-RAISED, RETURNED, LATE = "raised", "returned what there was", "late"
-GOOD = {RAISED, RETURNED, LATE}
+RAISED, RETURNED, AGAIN, LATE = "raised", "returned what there was", "sent again", "late"
+GOOD = {RAISED, RETURNED, AGAIN, LATE}
 
 
 class Interrupter:
     """Sends SIGINT to this process after so many seconds, and counts those that arrive."""
 
     def __init__(self):
-        self.arrived, self.where = 0, ""
+        self.arrived = self.within = 0
+        self.armed, self.where = False, ""
         self._sender = subprocess.Popen([sys.executable, "-c", SENDER], stdin=subprocess.PIPE, text=True)
         self._before = signal.signal(signal.SIGINT, self._count)
 
     def _count(self, _number, frame):
         self.arrived += 1
         self.where = "".join(traceback.format_stack(frame))
-        raise KeyboardInterrupt
+        if self.armed and frame.f_code is not interrupt.__code__:  # there the verb is over
+            self.within += 1
+            raise KeyboardInterrupt
 
     def send_after(self, seconds):
-        self.arrived = 0
+        self.arrived = self.within = 0
+        self.armed = True
         self._sender.stdin.write(f"{seconds:.6f}\n")
         self._sender.stdin.flush()
 
     def wait(self):
         """Wait for one that was sent and has not arrived."""
-        with contextlib.suppress(KeyboardInterrupt):
-            while not self.arrived:
-                time.sleep(0.01)
+        while not self.arrived:
+            time.sleep(0.01)
+
+    def is_sent_again(self):
+        """Wait for one that was sent again, in vain after ten seconds."""
+        for _ in range(1000):
+            if self.arrived > 1:
+                return True
+            time.sleep(0.01)
+        return False
 
     def close(self):
         self._sender.stdin.close()
@@ -103,22 +114,25 @@ def interrupt(verb: Verb, seconds: float, sender: Interrupter) -> str:
         try:
             sender.send_after(seconds)
             result = verb.call(count)
-            arrived = sender.arrived
+            arrived, sender.armed = sender.within, False
         except KeyboardInterrupt:
             outcome = f"all {told} lost" if verb.size is not None and told else RAISED
         except BaseException as error:  # noqa: BLE001 - whatever else comes is wrong
             outcome = f"{type(error).__name__}: {error}"
         else:
-            outcome = _judged(verb, result, told, listener.words) if arrived else LATE
+            outcome = _judged(verb, result, told, listener.words, sender) if arrived else LATE
+    sender.armed = False
     sender.wait()
     if verb.after is not None:
         verb.after()
     return outcome
 
 
-def _judged(verb, result, told, words):
-    if verb.size is None or "interrupted" not in f"{words} {verb.message(result)}":
+def _judged(verb, result, told, words, sender):
+    if verb.size is None:
         return "swallowed"
+    if "interrupted" not in f"{words} {verb.message(result)}":
+        return AGAIN if sender.is_sent_again() else "swallowed"
     return RETURNED if verb.size(result) >= told else f"{told - verb.size(result)} of {told} lost"
 
 

@@ -31,7 +31,7 @@ from hbnlp.solutions.solution import attached
 from hbnlp.systems.parameters import ParameterSet
 
 
-@interrupts_kept()
+@interrupts_kept(returns=True)
 def follow(
     point: SpecialPoint,
     name: str,

@@ -133,7 +133,7 @@ _LAYOUT = Layout(
 )
 
 
-@interrupts_kept()
+@interrupts_kept(returns=True)
 def resolve_harmonics(
     branch: Branch,
     tolerance: float,

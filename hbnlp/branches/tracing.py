@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 @renamed_arguments(problem="subject", away_from=AWAY_FROM)
-@interrupts_kept()
+@interrupts_kept(returns=True)
 def trace(
     subject: HarmonicBalance | Solution,
     name: str,

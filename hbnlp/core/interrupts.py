@@ -8,6 +8,7 @@ end of a step of long work. A second one, of somebody who does not want to wait,
 
 from __future__ import annotations
 
+import _thread
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -16,6 +17,9 @@ from types import FrameType
 from typing import TypeVar
 
 T = TypeVar("T")
+
+_AGAIN = 0.05
+"""Seconds after which an interrupt is sent again: the way back to the caller takes some microseconds."""
 
 
 class Interrupts:
@@ -45,11 +49,17 @@ class Interrupts:
             raise self._noted.with_traceback(None)
 
     @contextmanager
-    def kept(self) -> Iterator[Interrupts]:
+    def kept(self, *, returns: bool = False) -> Iterator[Interrupts]:
         """Note Ctrl-C in this block, or in a function so decorated, and raise it at the end if not before.
 
         An error in a block that was interrupted is what the interrupt was turned into. Blocks may stand in each other.
         Outside the main thread, and where SIGINT is ignored, this does nothing.
+
+        Parameters
+        ----------
+        returns : bool
+            Whether the block ends with a result that must not be lost. What comes too late for the result to say so is
+            sent again when the caller has it.
         """
         before = signal.getsignal(signal.SIGINT)
         if not callable(before) or not _in_main_thread():
@@ -63,14 +73,17 @@ class Interrupts:
                 signal.signal(signal.SIGINT, self._here)
             self._at_once = False
             yield self
-            self.check()
-        except Exception:
-            self.check()
+            if not returns:
+                self.check()
+        except BaseException as error:
+            returns = False
+            if isinstance(error, Exception):
+                self.check()
             raise
         finally:
             self._at_once = at_once
             if outermost:
-                self._leave()
+                self._leave(again=returns)
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
@@ -92,12 +105,16 @@ class Interrupts:
         finally:
             self._at_once = before
 
-    def _leave(self) -> None:
-        """Put the handler back that was there, and raise what came too late for a check."""
+    def _leave(self, *, again: bool) -> None:
+        """Put the handler back that was there, and raise what came too late for a check, or have it sent again."""
         self._leaving = True  # one that comes now must not keep the handler from being put back
         signal.signal(signal.SIGINT, self._handler)
         late, self._noted = self._noted, None
-        if late is not None:
+        if late is not None and again:
+            sender = threading.Timer(_AGAIN, _thread.interrupt_main)
+            sender.daemon = True
+            sender.start()
+        elif late is not None:
             raise late.with_traceback(None)
 
     def _arrived(self, number: int, frame: FrameType | None) -> None:

@@ -110,7 +110,7 @@ def drive(
     """
     observers = Observers(callbacks, task, name)
     ending, report = COMPLETE, None
-    with interrupts_kept() as interrupts:
+    with interrupts_kept(returns=True) as interrupts:
         try:
             for report in work:
                 observers.tell(report, lambda: result(UNDER_WAY))

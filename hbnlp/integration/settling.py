@@ -82,7 +82,7 @@ def initial_state(system: System, start: Any, values: Array, periods: int) -> Ar
 
 
 @renamed_arguments(initial="start")
-@interrupts_kept()
+@interrupts_kept(returns=True)
 def integrate(
     system: System,
     *,

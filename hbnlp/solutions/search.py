@@ -77,7 +77,7 @@ class Search:
             raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
 
 
-@interrupts_kept()
+@interrupts_kept(returns=True)
 def find_all(
     problem: HarmonicBalance,
     *,

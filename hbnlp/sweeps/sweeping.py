@@ -49,7 +49,7 @@ def sweep(
     find_jumps: bool | None = None,
 ) -> TimeSweep: ...
 @renamed_arguments(initial="start")
-@interrupts_kept()
+@interrupts_kept(returns=True)
 def sweep(
     subject: HarmonicBalance | System,
     name: str,

@@ -2,6 +2,7 @@
 
 import signal
 import threading
+import time
 from contextlib import suppress
 
 import casadi as ca
@@ -42,6 +43,11 @@ def work(*steps):
 def work_that_may_last(*steps):
     with interrupts_at_once():
         work.__wrapped__(*steps)
+
+
+def wait():
+    for _ in range(6000):
+        time.sleep(0.01)
 
 
 class Log(list):
@@ -117,13 +123,23 @@ def test_work_stands_in_other_work(log):
 
 def test_what_comes_while_the_handler_is_put_back_is_raised(log):
     class Late(type(INTERRUPTS)):
-        def _leave(self):
+        def _leave(self, **options):
             interrupt()
-            super()._leave()
+            super()._leave(**options)
 
     with pytest.raises(KeyboardInterrupt):
         Late().kept()(log.of(1))()
     assert log == [1]
+
+
+def test_what_comes_too_late_for_a_result_is_sent_again_when_the_caller_has_it(log):
+    result = interrupts_kept(returns=True)(lambda: interrupt() or "all that was computed")()
+    with pytest.raises(KeyboardInterrupt):
+        wait()
+    assert result == "all that was computed"
+    with pytest.raises(KeyboardInterrupt):
+        interrupts_kept(returns=True)(work)(interrupt, check_interrupts, log.of(1))
+    assert not log
 
 
 def test_a_handler_of_the_users_is_asked_and_may_raise_what_it_likes(log):
