@@ -24,10 +24,12 @@ from hbnlp.core.callbacks import Autosave, Progress, ProgressBar, StopTracing
 from hbnlp.core.errors import (
     AliasingWarning,
     ConvergenceError,
+    CornerError,
     HbnlpError,
     LinearInstabilityWarning,
     NonFiniteError,
     OutsideBandWarning,
+    SamplingError,
     SaveError,
     TaskError,
 )
@@ -64,6 +66,7 @@ __all__ = [
     "Autosave",
     "Branch",
     "ConvergenceError",
+    "CornerError",
     "End",
     "Floquet",
     "FloquetResult",
@@ -86,6 +89,7 @@ __all__ = [
     "ResolvedBranch",
     "Rootfinder",
     "RungeKutta4",
+    "SamplingError",
     "SaveError",
     "Search",
     "Solution",

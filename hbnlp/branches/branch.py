@@ -13,6 +13,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.checks import counted, real_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.records import AlongParameter, Layout, attributes_of, parts_of
 from hbnlp.core.storage import load_arrays, save_arrays
@@ -108,6 +109,7 @@ class Branch(AlongParameter):
             problem=self.problem,
         )
 
+    @interrupts_kept()
     def at(self, value: float) -> tuple[Solution, ...]:
         """Return the solutions at which the branch passes a value of its parameter, in branch order.
 

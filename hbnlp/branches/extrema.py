@@ -9,11 +9,13 @@ from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind, Status
 from hbnlp.solutions.ipopt import Ipopt, minimise
 from hbnlp.solutions.solution import Solution, attached, make_solution
 
 
+@interrupts_kept()
 def locate_peak(
     problem: HarmonicBalance,
     output: str,
@@ -78,6 +80,7 @@ def locate_peak(
     )
 
 
+@interrupts_kept()
 def peaks(
     branch: Branch, output: str, *, harmonic: int = 1, problem: HarmonicBalance | None = None
 ) -> list[SpecialPoint]:

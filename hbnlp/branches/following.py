@@ -20,6 +20,7 @@ from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
 from hbnlp.core.errors import ConvergenceError, SamplingError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.tasks import Ending, Report, drive
@@ -30,6 +31,7 @@ from hbnlp.solutions.solution import attached
 from hbnlp.systems.parameters import ParameterSet
 
 
+@interrupts_kept(returns=True)
 def follow(
     point: SpecialPoint,
     name: str,
@@ -167,7 +169,7 @@ def _both_ways(
                 side.end = FIRST_SPAN
             elif walk.stop is not None:
                 side.end = _words(walk.stop)
-            counts = {"folds": sum(len(s.points) for s in sides), "events": sum(len(s.events) for s in sides)}
+            counts = {"folds": sum(len(s.points) for s in sides) - 1, "events": sum(len(s.events) for s in sides)}
             yield Report(after.value, 0.5 * sum(bool(s.end) for s in sides), counts)
             if side.end:
                 break

@@ -15,6 +15,7 @@ from hbnlp.branches.branch import Branch
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, real_number, whole_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.records import AlongParameter, Layout, load_record, save_record
 from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
@@ -132,6 +133,7 @@ _LAYOUT = Layout(
 )
 
 
+@interrupts_kept(returns=True)
 def resolve_harmonics(
     branch: Branch,
     tolerance: float,

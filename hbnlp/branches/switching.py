@@ -11,6 +11,7 @@ from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY, null_vector
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.checks import instance_of
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import fewer_arguments, renamed_arguments
 from hbnlp.core.types import Array
@@ -25,6 +26,7 @@ AT_REST = 1e-3
 
 @renamed_arguments(special="point", name="switch_branch(point): it knows its parameter")
 @fewer_arguments(1, "switch_branch(point): a special point knows its problem and its parameter")
+@interrupts_kept()
 def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution, ...]:
     """Return starts on the branch that crosses at a special point, one to each side of it.
 

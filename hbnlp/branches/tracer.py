@@ -20,7 +20,7 @@ from hbnlp.continuation.point import Point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.checks import instance_of
 from hbnlp.core.errors import CornerError, NonFiniteError
-from hbnlp.core.interrupts import guarded
+from hbnlp.core.interrupts import guarded, interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
@@ -63,6 +63,7 @@ class Tracer(StaysHere):
     _instead = "it is a walk under way; send its branch(), and resume that with hbnlp.trace(..., resume=branch)"
 
     @renamed_arguments(problem="subject", away_from=AWAY_FROM)
+    @interrupts_kept()
     def __init__(
         self,
         subject: HarmonicBalance | Solution,

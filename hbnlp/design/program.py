@@ -19,12 +19,13 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import real_number, unknown_name
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.responses import Response
 from hbnlp.design.variables import Variables
-from hbnlp.solutions.ipopt import Ipopt, run
+from hbnlp.solutions.ipopt import Ipopt, Solver
 from hbnlp.solutions.solution import Solution, make_solution
 
 
@@ -111,9 +112,10 @@ class Program(StaysHere):
         constraints = ca.vertcat(parts[0], ca.vertcat(*parts[1:]) / sizes)
         program = {"x": unknowns, "p": ca.vertcat(given, sizes), "f": objective, "g": constraints}
         options = (method or Ipopt(tol=1e-10)).options()
-        self._solver = ca.nlpsol("program", "ipopt", program, {**options, "expand": expand})
+        self._solver = Solver(program, {**options, "expand": expand})
         self._states = ca.Function("states", [unknowns, given], [e for r in responses for e in (r.x, r.p)])
 
+    @interrupts_kept()
     def solve(self, start: Mapping[str, float] | Optimum, *, data: ArrayLike = (), throw: bool = True) -> Optimum:
         """Return a local optimum, from values of the variables and the responses' own starts, or from an earlier one.
 
@@ -139,7 +141,7 @@ class Program(StaysHere):
         sizes = self._sizes(x0, given)
         (lbx, ubx), (lbg, ubg) = box.T, (self._limits / sizes[:, None]).T
         p = np.append(given, sizes[self._n_equations :])
-        answer, stats = run(self._solver, x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+        answer, stats = self._solver(x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
         y, g, lam_g = (answer[key].full().ravel() for key in ("x", "g", "lam_g"))
         lam_g /= sizes
         states = [e.full().ravel() for e in self._states.call([y, given])]

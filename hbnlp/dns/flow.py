@@ -18,6 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array
 from hbnlp.dns.bodies import Body, MovingPoints, Points, SharpPlate
 from hbnlp.dns.deformed import Deformed
@@ -161,6 +162,8 @@ class Simulation:
         ------
         FlowError
             If the flow becomes too fast for the time step or is no longer finite.
+        KeyboardInterrupt
+            On Ctrl-C, after a whole step: ``history`` has all of them, and the same call goes on.
         """
         if not until > self.time - 0.5 * self.dt:
             raise ValueError(f"until is {until}, but the flow is at t = {self.time:.6g} already; give a later time")
@@ -170,8 +173,9 @@ class Simulation:
                 callback(self)
         return self.history
 
+    @interrupts_kept()
     def step(self) -> None:
-        """Advance by dt."""
+        """Advance by dt; Ctrl-C is raised after the step, so that the next one can go on from it."""
         nested, wall, levels = self._nested, self.wall, range(self.grid.levels)
         end = self._start + (self.steps + 1) * self.dt
         rhs = self._explicit.rhs(self.psi, self.gamma, self._metric, self.time, check=self.steps % _COURANT_EVERY == 0)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
@@ -127,6 +128,7 @@ class Identification(StaysHere):
         self._slopes = ca.Function("slopes", [problem.x, problem.p], [amplitude, *slopes])
         self._chosen = [problem.system.parameters.index(name) for name in variables.names]
 
+    @interrupts_kept()
     def fit(
         self, measured: ArrayLike, start: Mapping[str, float] | Identified, *, noise: float | None = None
     ) -> Identified:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hbnlp.core.checks import real_number, whole_number
-from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.interrupts import interrupts_at_once
 from hbnlp.core.types import Array
 from hbnlp.integration.first_order import FirstOrderForm, Propagator, Window
 
@@ -56,7 +56,7 @@ class Adaptive:
         def run(start: Array) -> Window:
             nonlocal sizes
             try:
-                with interrupts_kept():
+                with interrupts_at_once():
                     scaled = integrator(x0=start / sizes, p=np.append(packed, sizes))["xf"].full().T
             except RuntimeError as error:
                 flag = str(error).partition('returned "')[2].partition('"')[0]

@@ -16,6 +16,7 @@ from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
 from hbnlp.core.errors import ConvergenceError, NonFiniteError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
@@ -76,6 +77,7 @@ class Search:
             raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
 
 
+@interrupts_kept(returns=True)
 def find_all(
     problem: HarmonicBalance,
     *,

@@ -11,6 +11,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.checks import instance_of
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.solutions.attempt import Method, attempt
@@ -19,6 +20,7 @@ from hbnlp.solutions.solution import Solution, guess_for
 
 
 @renamed_arguments(guess="start")
+@interrupts_kept()
 def solve(
     problem: HarmonicBalance,
     *,

@@ -17,11 +17,13 @@ from __future__ import annotations
 import numpy as np
 
 from hbnlp.continuation.curve import Bordered
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations, along_parameter
 from hbnlp.solutions.solution import Solution, attached
 
 
+@interrupts_kept()
 def truncation_error(solution: Solution) -> float:
     """Return the estimated error of a solution for want of harmonics, at fixed parameters, relative to its size.
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.collocation import Gauss, StepMaps
@@ -225,6 +226,7 @@ def _finite(multipliers: ComplexArray) -> ComplexArray:
     return ordered(multipliers) if np.isfinite(multipliers).all() else np.full(len(multipliers), np.inf + 0j)
 
 
+@interrupts_kept()
 def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResult:
     """Return the Floquet multipliers of one periodic solution, from `hbnlp.solve`, `hbnlp.find_all` or a branch.
 

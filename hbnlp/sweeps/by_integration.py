@@ -15,7 +15,7 @@ from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_real
 from hbnlp.integration.first_order import FirstOrderForm, Method
 from hbnlp.integration.response import TimeResponse
-from hbnlp.integration.settling import AUTOMATIC, check_limits, initial_state, settle
+from hbnlp.integration.settling import AUTOMATIC, Settling, check_limits, initial_state
 from hbnlp.sweeps.jumps import UNKNOWN, is_suspicious, relative_change
 from hbnlp.sweeps.records import TimeSweep
 from hbnlp.systems.system import System
@@ -89,9 +89,12 @@ def march(
     def respond(value: float, state: Array) -> TimeResponse:
         there = point.copy()
         there[index] = value
-        return settle(
+        settling = Settling(
             form, there, state, method=method, periods=periods, max_periods=max_periods, periodic_tol=periodic_tol
         )
+        for _ in settling.windows():
+            pass
+        return settling.response()
 
     state = initial_state(system, start, np.where(np.arange(point.size) == index, marched[0], point), periods)
     points: list[_Point] = []

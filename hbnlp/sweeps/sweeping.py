@@ -11,6 +11,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.integration.first_order import Method
 from hbnlp.solutions.solution import Solution
@@ -48,6 +49,7 @@ def sweep(
     find_jumps: bool | None = None,
 ) -> TimeSweep: ...
 @renamed_arguments(initial="start")
+@interrupts_kept(returns=True)
 def sweep(
     subject: HarmonicBalance | System,
     name: str,

@@ -14,6 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.errors import LinearInstabilityWarning
+from hbnlp.core.interrupts import check_interrupts, interrupts_kept
 from hbnlp.core.renamed import renamed_arguments, renamed_name
 from hbnlp.core.types import ComplexArray
 from hbnlp.systems.parameters import OMEGA
@@ -25,6 +26,7 @@ Point = tuple[float, ComplexArray]
 ROUND_OFF = 1e-10
 
 
+@interrupts_kept()
 def eigenvalues(
     system: System, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None
 ) -> ComplexArray:
@@ -116,6 +118,7 @@ class StabilityLimit:
 
 
 @renamed_arguments(parameter="name")
+@interrupts_kept()
 def stability_limits(
     system: System,
     name: str,
@@ -167,6 +170,7 @@ def stability_limits(
         raise ValueError(f"span is {tuple(span)!r}, of zero length; give two different values of {name}")
 
     def spectrum(value: float) -> Point:
+        check_interrupts()
         return value, eigenvalues(system, {**(at or {}), name: value}, rest=rest)
 
     by_ratio = low * high > 0.0 and max(abs(low), abs(high)) > 10.0 * min(abs(low), abs(high))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import real_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.systems.linear_stability import eigenvalues
 from hbnlp.systems.response_about_rest import linear_response
@@ -59,6 +60,7 @@ class LiftResponse:
         )
 
 
+@interrupts_kept()
 def lift_response(
     wing: System, omega: ArrayLike, *, tensions: ArrayLike, at: Mapping[str, float] | None = None
 ) -> LiftResponse:

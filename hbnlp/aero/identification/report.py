@@ -16,6 +16,7 @@ from hbnlp.aero.identification.vector_fitting import PoleFit, fit_residues, vect
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
 from hbnlp.core.checks import instance_of, real_number, whole_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array, ComplexArray
 
 if TYPE_CHECKING:
@@ -94,6 +95,7 @@ class RationalFit:
         )
 
 
+@interrupts_kept()
 def identify(
     response: FrequencyResponse,
     *,

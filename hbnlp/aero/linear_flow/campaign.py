@@ -20,6 +20,7 @@ from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
 from hbnlp.aero.linear_flow.response import LinearResponse
 from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.errors import HbnlpError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
@@ -205,8 +206,9 @@ def _compute(
             "ngsolve": importlib.metadata.version("ngsolve"),
         }
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "case.json").write_text(json.dumps(asdict(case)))
-        (folder / "facts.json").write_text(json.dumps(facts))
+        with interrupts_kept():  # half a file would be in the way of going on
+            (folder / "case.json").write_text(json.dumps(asdict(case)))
+            (folder / "facts.json").write_text(json.dumps(facts))
         for w in progress(missing):
             save_arrays(_part(folder, w), _PART, {"transfer": response.transfer(1j * w)}, {"omega": w})
     parts = [load_arrays(_part(folder, w), _PART)[0]["transfer"] for w in wanted]
