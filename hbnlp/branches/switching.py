@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.departing import Crossing, over_two_periods
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY, null_vector
-from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.checks import instance_of
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import fewer_arguments, renamed_arguments
@@ -18,6 +18,8 @@ from hbnlp.fourier import stretch
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, attached
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import FloquetResult
 
 AT_REST = 1e-3
 """A motion smaller than this part of the nonlinear ones is rest."""
@@ -35,7 +37,8 @@ def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution,
     point : SpecialPoint
         A branch point, or a period doubling: the new branch then has twice the period, ``start.problem.periods``.
     step : float
-        Distance from the special point, relative to the size of the solution.
+        Largest distance from the special point, relative to the size of the solution. The starts lie nearer where the
+        new branch has turned, or a multiplier moved, so far by then that another special point might lie in between.
 
     Returns
     -------
@@ -65,16 +68,27 @@ def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution,
     at_rest = float(np.linalg.norm(origin)) <= AT_REST * floor
     curve = along_parameter(problem, values, point.name, floor=floor if at_rest else TINY)
     base = curve.point(origin, values[problem.system.parameters.index(point.name)])
-    scale = curve.scale(base)
     tangent = curve.point(direction, 0.0)
-    tangent /= np.linalg.norm(tangent / scale)
-    starts = []
-    for sign in (1.0, -1.0):
-        found = correct(curve, base + sign * step * tangent, tangent / scale**2, Newton())
-        if found.converged:
-            start = curve.solution(found.y, start="switched")
-            starts.append(dataclasses.replace(start, origin=point.solution))
-    return tuple(starts)
+    tangent /= np.linalg.norm(tangent / curve.scale(base))
+    evaluator, floquet = _stability(problem, point, values)
+    crossing = Crossing(curve=curve, base=base, tangent=tangent, evaluator=evaluator, floquet=floquet)
+    first, length = crossing.enter(step, 1.0)
+    # a motion that repeats itself less often, or has lost a symmetry, has an image on the other side, as far away
+    alike = first is not None and (point.kind is Kind.PERIOD_DOUBLING or point.breaks is not None)
+    second = crossing.at(length, -1.0) if alike else crossing.enter(step, -1.0)[0]
+    starts = [curve.solution(y, start="switched") for y in (first, second) if y is not None]
+    return tuple(dataclasses.replace(start, origin=point.solution) for start in starts)
+
+
+def _stability(
+    problem: HarmonicBalance, point: SpecialPoint, values: Array
+) -> tuple[FloquetEvaluator | None, FloquetResult | None]:
+    """Return how multipliers on the new branch are had, and those at its beginning; None where stability was off."""
+    if point.multiplier is None:
+        return None, None
+    own = attached(point)
+    floquet = FloquetEvaluator.of(own)(point.solution.coefficients, values)
+    return FloquetEvaluator.of(problem), floquet if problem.periods == own.periods else over_two_periods(floquet)
 
 
 def _doubled(problem: HarmonicBalance, point: SpecialPoint, values: Array) -> tuple[HarmonicBalance, Array, Array]:
