@@ -7,6 +7,7 @@ Where it would be -1 the next doubling lies, and where doublings crowd that is w
 from __future__ import annotations
 
 import dataclasses
+import logging
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -18,6 +19,8 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import FloquetResult
+
+logger = logging.getLogger(__name__)
 
 MOVED = 0.5
 """A multiplier may move by this much, or this part of its modulus: a quarter of the way from +1 to -1."""
@@ -34,8 +37,8 @@ STATIONARY, ROUNDING = 1e-3, 1e-8
 class Crossing:
     """Where a new branch leaves: its curve, the point, and the unit tangent of the new branch.
 
-    ``evaluator`` is that of the curve's problem and ``floquet`` has the multipliers at the point, over the period of the
-    new branch; both are None where stability is off, and then only tangents tell what lies in between.
+    ``evaluator`` is that of the curve's problem, and ``floquet`` has the multipliers at the point, over the period of
+    the new branch; both are None where stability is off, and then only tangents tell what lies in between.
     """
 
     curve: Equations
@@ -47,21 +50,29 @@ class Crossing:
     def enter(self, step: float, sign: float) -> tuple[Array | None, float]:
         """Return a point of the new branch on one side, at most a step away, and the step that was taken.
 
-        Where even the shortest steps seem to pass something, as where the equations have a kink, the longest one is as
-        good as any. None if there is no point.
+        Where even the shortest steps seem to pass something, the longest one is as good as any: the equations have a
+        kink, or so few harmonics that multipliers and balance do not agree on where the crossing is. None if there is
+        no point.
         """
         longest: tuple[Array | None, float] = (None, step)
         for _ in range(MOST_TRIALS):
             y = self.at(step, sign)
             longest = (y, step) if longest[0] is None else longest
-            part = self._part(y, step, sign) if y is not None else 0.5
+            part = self._part(y, sign) if y is not None else 0.5
             if part is None:
                 return y, step
             step *= part
+        if longest[0] is not None:
+            here, there = self.base[-1], longest[0][-1]
+            logger.warning(
+                "the branch that leaves at %s = %.8g is entered at %.8g, and special points in between may be missed: "
+                "with more harmonics it can be entered nearer",
+                *(self.curve.name, here, there),
+            )
         return longest
 
     def at(self, step: float, sign: float) -> Array | None:
-        """Return the point of the new branch in the plane at a step along its tangent, None if Newton's method fails."""
+        """Return the point of the new branch in the plane at a step along its tangent, or None."""
         found = correct(self.curve, self.base + sign * step * self.tangent, self.tangent / self._scale**2, Newton())
         return found.y if found.converged else None
 
@@ -69,7 +80,7 @@ class Crossing:
     def _scale(self) -> Array:
         return self.curve.scale(self.base)
 
-    def _part(self, y: Array, step: float, sign: float) -> float | None:
+    def _part(self, y: Array, sign: float) -> float | None:
         """Return which part of a step to try instead, None if nothing lies between the crossing and its end."""
         heading, tangent = sign * self.tangent, start_point(self.curve, y, y - self.base).tangent
         tangent = tangent / np.linalg.norm(tangent / self._scale)
