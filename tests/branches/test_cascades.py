@@ -8,10 +8,12 @@ import pytest
 from independent import FirstOrder, multipliers, state
 
 import hbnlp
+from hbnlp.fourier import stretch
 from hbnlp.testing import check_branch
 
 FEIGENBAUM, FEIGENBAUM_WITHOUT_DAMPING = 4.6692, 8.7211
-"""Limits of the ratios of successive distances (doi:10.1007/BF01020332, doi:10.1016/0378-4371(81)90225-0)."""
+"""Limits of the ratios of successive distances: M. J. Feigenbaum, J. Stat. Phys. 19 (1978), doi:10.1007/BF01020332; J. M.
+Greene, R. S. MacKay, F. Vivaldi, M. J. Feigenbaum, Physica D 3 (1981)."""
 
 
 def double_well(damping, length=1.0):
@@ -147,9 +149,24 @@ def test_a_pendulum_goes_from_rest_through_a_doubling_a_broken_symmetry_and_a_ca
         assert critical(point) == pytest.approx(-1.0, abs=1e-4)
 
 
-def test_too_few_harmonics_for_the_next_doubling_are_said(caplog):
+def test_with_few_harmonics_a_switch_leaves_from_where_the_balance_has_the_doubling():
+    """Ten harmonics put the doublings 3e-4 off, more than the distance between the last two."""
     with pytest.warns(hbnlp.LinearInstabilityWarning):
-        points = cascade(hbnlp.HarmonicBalance(double_well(0.25), 10), (3.0, 0.3), 4)
+        points = cascade(hbnlp.HarmonicBalance(double_well(0.25), 10), (3.0, 0.3), 6)
+    assert [point.solution.periods for point in points] == [1, 1, 2, 4, 8, 16]
+    np.testing.assert_allclose(points[-1].value, 2.80094, rtol=3e-4)  # with 14 and with 20 harmonics
+    start = hbnlp.switch_branch(points[3])[0]
+    problem, origin = start.problem, start.origin
+    jacobian = problem.assembly.jacobian(stretch(origin.coefficients, 2).ravel(), problem.values(origin.parameters))
+    sizes = np.linalg.svd(jacobian, compute_uv=False)
+    assert sizes[-1] < 1e-8 * sizes[0]
+    assert abs(origin.parameters["force"] / points[3].value - 1.0) > 1e-5
+
+
+def test_a_switch_that_cannot_be_made_near_enough_says_so(wells, monkeypatch, caplog):
+    monkeypatch.setattr("hbnlp.branches.departing.MOVED", 0.0)
     with caplog.at_level(logging.WARNING):
-        assert len(hbnlp.switch_branch(points[-1])) == 2
+        one, other = hbnlp.switch_branch(wells[0])
+    assert one.parameters["force"] == pytest.approx(0.1818, abs=1e-4)
+    assert other.parameters["force"] == pytest.approx(one.parameters["force"], rel=1e-9)
     assert "with more harmonics it can be entered nearer" in caplog.text
