@@ -12,8 +12,8 @@ from hbnlp.fourier import stretch
 from hbnlp.testing import check_branch
 
 FEIGENBAUM, FEIGENBAUM_WITHOUT_DAMPING = 4.6692, 8.7211
-"""Limits of the ratios of successive distances: M. J. Feigenbaum, J. Stat. Phys. 19 (1978), doi:10.1007/BF01020332; J. M.
-Greene, R. S. MacKay, F. Vivaldi, M. J. Feigenbaum, Physica D 3 (1981)."""
+"""Limits of the ratios of successive distances: M. J. Feigenbaum, J. Stat. Phys. 19 (1978), doi:10.1007/BF01020332;
+J. M. Greene, R. S. MacKay, F. Vivaldi and M. J. Feigenbaum, Physica D 3 (1981)."""
 
 
 def double_well(damping, length=1.0):
