@@ -112,7 +112,7 @@ class Tracer(StaysHere):
             n_points=len(resume) if resume is not None else 1,
         )
         if begin.step is not None:
-            self._walk.step = begin.step
+            self._walk.step = begin.step if resume is not None else min(begin.step, self.options.step)
         if resume is None:
             self._check_fresh(begin.point)
 
