@@ -10,7 +10,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY, null_vector
 from hbnlp.continuation.newton import Newton, correct
-from hbnlp.core.checks import instance_of
+from hbnlp.core.checks import instance_of, real_number
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import fewer_arguments, renamed_arguments
 from hbnlp.core.types import Array
@@ -52,8 +52,7 @@ def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution,
     """
     instance_of("point", point, SpecialPoint, "a special point of a branch, such as branch.branch_points[0]")
     problem = attached(point, "load its branch with problem=...")
-    if not 0.0 < step < 1.0:
-        raise ValueError(f"step = {step!r}; a length between 0 and 1 is needed")
+    real_number("step", step, above=0.0, below=1.0)
     values = problem.values(point.solution.parameters)
     if point.kind is Kind.BRANCH_POINT and point.null is not None:
         origin, direction = point.solution.coefficients, point.null

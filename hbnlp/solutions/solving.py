@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
-from hbnlp.core.checks import instance_of
+from hbnlp.core.checks import flag, instance_of
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import Status
 from hbnlp.core.renamed import renamed_arguments
@@ -58,8 +58,10 @@ def solve(
     """
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     values = problem.values(at)
+    problem.system.state_matrices(values)  # a singular mass matrix is said here
     method = Newton() if method is None else method
     instance_of("method", method, Method, "Newton(), Ipopt() or Rootfinder()")
+    flag("throw", throw)
     if start is not None:
         first = guess_for(problem, start)
         if not np.all(np.isfinite(first)):

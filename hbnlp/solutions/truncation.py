@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from hbnlp.continuation.curve import Bordered
+from hbnlp.core.checks import instance_of
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations, along_parameter
 from hbnlp.solutions.solution import Solution, attached
@@ -34,6 +35,7 @@ def truncation_error(solution: Solution) -> float:
     ValueError
         If the solution came from a file, without its problem.
     """
+    instance_of("solution", solution, Solution, "a Solution, such as branch.solution(0)")
     problem = attached(solution)
     values = problem.values(solution.parameters)
     curve = along_parameter(problem, values, "omega")

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.core.checks import finite_array, refused
 from hbnlp.core.types import Array
 from hbnlp.systems.parameters import Namespace
 
@@ -63,7 +64,10 @@ def matrix(what: str, given: Matrix | None, p: ca.SX, named: Any, shape: tuple[i
     if isinstance(value, ca.SX | ca.DM):
         read = ca.SX(value)
     else:
-        array = np.array(value, dtype=object)
+        try:
+            array = np.array(value, dtype=object)
+        except (TypeError, ValueError, RuntimeError):  # CasADi's own MX among others
+            raise refused(ValueError, what, value, "a matrix of numbers, or a function of p that returns one") from None
         if array.ndim == 0:
             array = array.reshape(1, 1)
         if array.ndim != 2:
@@ -96,9 +100,9 @@ def column(what: str, value: Any, size: int | None = None) -> ca.SX:
 def _expression(what: str, entry: Any) -> ca.SX:
     try:
         return ca.SX(entry)
-    except NotImplementedError:
-        raise ValueError(
-            f"{what} has the entry {entry!r}; a number or an expression of the symbols given to it is needed"
+    except (NotImplementedError, RuntimeError):
+        raise refused(
+            ValueError, f"an entry of {what}", entry, "a number or an expression of the symbols given to it"
         ) from None
 
 
@@ -164,10 +168,7 @@ def numbers(what: str, given: ArrayLike | None, shape: tuple[int, int] | None) -
     """Return a constant matrix, checked; ``shape`` None: square of any size."""
     if given is None:
         return np.zeros(shape or (0, 0))
-    array = np.array(given, dtype=float)
-    wanted = shape or (array.shape[0], array.shape[0])
-    if array.ndim != 2 or array.shape != wanted:
-        raise ValueError(f"{what} has shape {array.shape}; {wanted} is needed")
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"{what} has entries that are not finite")
+    array: Array = finite_array(what, given, (None, None) if shape is None else shape)
+    if shape is None and array.shape[0] != array.shape[1]:
+        raise ValueError(f"{what} has shape {array.shape}; give a square matrix")
     return array

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.checks import whole_number
 from hbnlp.systems.system import System
 
 
@@ -51,8 +52,7 @@ def chain(n_masses: int = 10, *, damping: float = 0.02, cubic: float = 0.5, forc
     ValueError
         If there is no mass.
     """
-    if n_masses < 1:
-        raise ValueError(f"n_masses = {n_masses!r}; at least 1 is needed")
+    n_masses = whole_number("n_masses", n_masses, least=1, most=1000)
     springs = 2.0 * np.eye(n_masses) - np.eye(n_masses, k=1) - np.eye(n_masses, k=-1)
     springs[-1, -1] = 1.0
     return System(

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import finite_array, position, refused, text
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.types import Array
@@ -36,6 +36,7 @@ from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmet
 from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.symmetry import Symmetry
+from hbnlp.systems.terms import check_functions, check_lags, check_motion
 
 
 class System:
@@ -134,7 +135,20 @@ class System:
         angles: Sequence[str | int] = (),
         name: str = "system",
     ) -> None:
-        known = ParameterSet(parameters or {})
+        text("name", name)
+        check_functions(nonlinear_force, forcing, motion, outputs)
+        inputs = {
+            "input_stiffness": input_stiffness,
+            "input_damping": input_damping,
+            "input_mass": input_mass,
+            "lag_motion": lag_motion,
+        }
+        check_motion(motion, inputs)
+        check_lags(lag_state, lag_input, lag_motion, lag_output)
+        for what, matrix_given in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
+            if matrix_given is None:
+                raise refused(TypeError, what, matrix_given, "a matrix, of zeros where there is none")
+        known = ParameterSet({} if parameters is None else parameters)
         p, tau = ca.SX.sym("p", len(known.names)), ca.SX.sym("tau")
         named = Namespace("parameter", {key: p[i] for i, key in enumerate(known.names)})
 
@@ -142,7 +156,7 @@ class System:
         n = m_q.shape[0]
         d_q, k_q = matrix("damping", damping, p, named, (n, n)), matrix("stiffness", stiffness, p, named, (n, n))
 
-        u = column("motion", motion(tau, named)) if motion else ca.SX(0, 1)
+        u = column("motion", motion(tau, named)) if motion is not None else ca.SX(0, 1)
         n_u = u.shape[0]
         k_u = matrix("input_stiffness", input_stiffness, p, named, (n, n_u))
         d_u = matrix("input_damping", input_damping, p, named, (n, n_u))
@@ -253,9 +267,7 @@ class System:
 
     def output_index(self, name: str) -> int:
         """Return the position of output ``name``, or raise a KeyError with the nearest known name."""
-        if name not in self.output_names:
-            raise KeyError(unknown_name("output", name, self.output_names))
-        return self.output_names.index(name)
+        return position("output", name, self.output_names)
 
     def state_matrices(self, values: Array) -> tuple[Array, Array, Array, Array]:
         """Return M, D, K and L_x as numbers at the parameter values (ordered, n_parameters).
@@ -290,7 +302,7 @@ class System:
                     "at={'omega': 1.0}"
                 )
             values = np.where(np.isnan(values), 1.0, values)
-        q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
+        q0 = np.zeros(self.n_dof) if rest is None else finite_array("rest", rest, (self.n_dof,))
         plant = Plant(*self.state_matrices(values), self.lag_state, self.lag_input)
         force_q, force_v = self.compiled_force.tangents(q0, np.zeros(self.n_dof), 0.0, values)
         if not np.all(np.isfinite(force_q)) or not np.all(np.isfinite(force_v)):
@@ -347,7 +359,7 @@ class System:
 @by_one_thread
 def depends_on_omega(system: System, rest: ArrayLike | None = None) -> bool:
     """Return whether the linearisation depends on omega: a matrix, or the derivative of the nonlinear force at rest."""
-    q0 = np.zeros(system.n_dof) if rest is None else np.asarray(rest, dtype=float)
+    q0 = np.zeros(system.n_dof) if rest is None else finite_array("rest", rest, (system.n_dof,))
     slope = ca.jacobian(system.force, ca.vertcat(system.q, system.v))
     state = ca.vertcat(system.q, system.v, system.tau)
     slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(system.n_dof + 1)]))
