@@ -138,8 +138,8 @@ class FrequencyResponse(ReadOnlyArrays):
         other : array_like of complex, shape (m, N+1, N+2)
             Another response at the same frequencies, a ROM's for instance.
         """
-        other = finite_array("other", other, self.values.shape, kind=complex)
-        errors: Array = np.linalg.norm(other - self.values, axis=1) / self.column_sizes
+        others: ComplexArray = finite_array("other", other, self.values.shape, kind=complex)
+        errors: Array = np.linalg.norm(others - self.values, axis=1) / self.column_sizes
         return errors
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -166,7 +166,8 @@ def theodorsen_transfer(s: ArrayLike, n_modes: int = 10) -> ComplexArray:
         If ``s`` is not finite or has a negative real part, or ``n_modes`` is not an integer of at least 0.
     """
     c = thin_airfoil_coefficients(n_modes)
-    z = np.asarray(s, dtype=complex)[..., np.newaxis, np.newaxis]
+    points: ComplexArray = finite_array("s", s, kind=complex)
+    z = points[..., np.newaxis, np.newaxis]
     wake = theodorsen_function(s)[..., np.newaxis, np.newaxis]
     g: ComplexArray = (c.constant + z * c.linear + z**2 * c.quadratic).astype(complex)
     return g + wake * c.circulatory[:, np.newaxis] * (c.static + z * c.rate)

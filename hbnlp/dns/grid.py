@@ -85,6 +85,8 @@ class Grid:
         real_number("spacing", spacing, above=0.0)
         # whole cells up to round-off; even numbers keep a node at the centre
         nx, ny = (2 * math.ceil((upper - lower) / (2.0 * spacing) - 1e-9) for lower, upper in (x, y))
+        if not _MIN_CELLS <= min(nx, ny) <= max(nx, ny) <= _MOST_CELLS:
+            raise refused(ValueError, "spacing", spacing, f"one for {_MIN_CELLS} to {_MOST_CELLS} cells each way")
         centre = (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]))
         return cls(
             spacing=spacing,

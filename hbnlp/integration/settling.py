@@ -68,7 +68,7 @@ def initial_state(system: System, start: Any, values: Array, periods: int) -> Ar
         point = system.parameters.values(getattr(start, "parameters", None) or system.parameters.as_dict(values))
         its_periods: int = getattr(start, "periods", 0) or getattr(getattr(start, "problem", None), "periods", 1)
         return state_of(system, start.coefficients, point, its_periods)
-    state = finite_array("start", start)
+    state: Array = finite_array("start", start)
     if state.ndim == 2 and state.shape[0] == system.n_dof and state.shape[1] % 2:
         return state_of(system, state, values, periods)
     if state.shape != (system.n_state,):

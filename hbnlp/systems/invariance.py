@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -68,7 +69,7 @@ class Invariance:
     def _values(self, at: Mapping[str, float] | Array | None) -> Array:
         """Return all values in order, 1 where there is none."""
         inside = isinstance(at, np.ndarray) and at.shape == (len(self._parameters.names),) and at.dtype == float
-        values = at if inside else self._parameters.values(at, but=("omega",))
+        values = at if inside else self._parameters.values(cast("Mapping[str, float] | None", at), but=("omega",))
         complete: Array = np.nan_to_num(np.array(values, dtype=float), nan=1.0)
         return complete
 

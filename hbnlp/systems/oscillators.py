@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.checks import whole_number
+from hbnlp.core.checks import real_number, whole_number
 from hbnlp.systems.system import System
 
 
@@ -53,6 +53,8 @@ def chain(n_masses: int = 10, *, damping: float = 0.02, cubic: float = 0.5, forc
         If there is no mass.
     """
     n_masses = whole_number("n_masses", n_masses, least=1, most=1000)
+    for name, value in (("damping", damping), ("cubic", cubic), ("force", force)):
+        real_number(name, value)
     springs = 2.0 * np.eye(n_masses) - np.eye(n_masses, k=1) - np.eye(n_masses, k=-1)
     springs[-1, -1] = 1.0
     return System(

@@ -143,8 +143,6 @@ class System:
             "input_mass": input_mass,
             "lag_motion": lag_motion,
         }
-        check_motion(motion, inputs)
-        check_lags(lag_state, lag_input, lag_motion, lag_output)
         for what, matrix_given in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             if matrix_given is None:
                 raise refused(TypeError, what, matrix_given, "a matrix, of zeros where there is none")
@@ -171,6 +169,8 @@ class System:
         force = column("nonlinear_force", nonlinear_force(q, v, tau, named), n) if nonlinear_force else ca.SX.zeros(n)
         load = column("forcing", forcing(tau, named), n) if forcing else ca.SX.zeros(n)
         _check_signals(known, force, load, u, (q, v, tau, p))
+        check_motion(motion, inputs, outputs)
+        check_lags(lag_state, lag_input, lag_motion, lag_output)
         rules = dict(outputs) if outputs is not None else displacements(n)
         signals = compiled_outputs(rules, (q, v, tau, p), u, m, named)
         self._set_up(

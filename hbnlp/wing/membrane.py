@@ -249,7 +249,7 @@ class NonlinearMembrane(Membrane):
         super().__post_init__()
         if self.n_nodes is not None:
             advice = f", more than the {self.n_modes} modes, or None for the default"
-            n_nodes = whole_number("n_nodes", self.n_nodes, least=self.n_modes + 1, advice=advice)
+            n_nodes = whole_number("n_nodes", self.n_nodes, least=self.n_modes + 1, most=100_000, advice=advice)
             object.__setattr__(self, "n_nodes", n_nodes)
 
     @built_once
