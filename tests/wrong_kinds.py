@@ -23,7 +23,7 @@ WRONG = {
     "None": None,
     "text": "x",
     "object": object(),
-    "function": len,
+    "function": lambda *_: None,
     "class": dict,
     "-1": -1,
     "0": 0,
@@ -40,7 +40,7 @@ WRONG = {
     "(7, 7, 7)": np.ones((7, 7, 7)),
     "nan array": np.full(3, np.nan),
     "symbol": ca.MX.sym("s"),
-    "another record": dns.Motion(),
+    "another record": aero.Provenance(),
 }
 
 RIGHT_FOR = {
@@ -52,6 +52,8 @@ RIGHT_FOR = {
     "Mapping": set(),
     "Callable": {"function", "class"},
     "Callback": {"function", "class"},
+    "MX": {"symbol"},
+    "Provenance": {"another record"},
     "Modal": {"function", "class"},
     "Force|Signal|Motion": {"function", "class"},
     "Matrix": {"-1", "0", "2.5", "True", "huge", "function"},
@@ -230,6 +232,8 @@ def world():
     w.steady = dns.Simulation(w.grid, dns.SharpPlate(n_modes=2)).state()
     w.simulation, w.running = (dns.Simulation(w.grid, dns.SharpPlate(n_modes=2)) for _ in range(2))
     w.history = w.simulation.run(0.1)
+    membrane = dns.Membrane(w.membrane)
+    w.coupled = dns.Simulation(w.grid, membrane, motion=dns.Motion.at_incidence(5.0)).run(0.2)
     w.snapshot = dns.Snapshot.of(w.simulation)
     return w
 
@@ -431,7 +435,7 @@ def examples():
         },
         "dns.load_history": {"path": "no such file"},
         "dns.load_state": {"simulation": w.simulation, "path": "no such file"},
-        "dns.neglected_inertia": {"history": w.history, "motion": dns.Motion(), "mass_ratio": 1.0},
+        "dns.neglected_inertia": {"history": w.coupled, "motion": dns.Motion(), "mass_ratio": 1.0},
         "dns.save_history": {"history": w.history, "path": "no such folder/file"},
         "dns.save_state": {"simulation": w.simulation, "path": "no such folder/file"},
         "dns.step_response": {

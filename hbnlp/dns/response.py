@@ -144,6 +144,8 @@ def linear_response(
     _check_run(grid, channel, steady, reynolds=reynolds, dt=dt, n_modes=n_modes, amplitude=amplitude, callback=callback)
     period = 2.0 * math.pi / base
     per_period = math.ceil(period / (0.4 * grid.spacing if dt is None else dt))
+    if per_period < 4 * multiples.max():
+        raise refused(ValueError, "base", base, f"a frequency whose multiples dt = {dt} resolves, or a smaller dt")
     begin = _time_of(steady)
     signal = MultiSine(base * multiples, amplitude, begin, 0.25 * period)
     body, motion = drive(channel, signal, n_modes)
@@ -228,7 +230,7 @@ def _check_run(
 ) -> None:
     instance_of("grid", grid, Grid, "a Grid, such as Grid.around_plate()")
     whole_number("n_modes", n_modes, least=1, most=1000)
-    real_number("amplitude", amplitude, above=0.0)
+    real_number("amplitude", amplitude, above=0.0, below=1.0)
     if not isinstance(channel, str) or channel not in ("pitch", "heave"):
         whole_number("channel", channel, least=1, most=n_modes, advice=", a mode, or 'pitch' or 'heave'")
     real_number("reynolds", reynolds, above=0.0)

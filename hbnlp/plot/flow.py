@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
 
-from hbnlp.core.checks import file_name, instance_of, interval, real_number, whole_number
+from hbnlp.core.checks import file_name, instance_of, interval, real_number, refused, whole_number
 from hbnlp.core.types import Array
 from hbnlp.plot.arguments import axes, result
 
@@ -90,6 +90,8 @@ def animate(
         If there are no snapshots.
     """
     file_name("path", path)
+    if not os.fspath(path).lower().endswith(".gif"):
+        raise refused(ValueError, "path", path, "a name that ends in .gif")
     whole_number("frames_per_second", frames_per_second, least=1, most=1000)
     instance_of("snapshots", snapshots, list, "a list of snapshots, dns.Snapshots(every=...).taken")
     for snapshot in snapshots:

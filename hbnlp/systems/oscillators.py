@@ -15,6 +15,8 @@ def duffing(*, damping_ratio: float = 0.025, cubic: float = 0.1, force: float = 
     Parameters ``damping_ratio`` (z), ``cubic`` (g) and ``force`` (F); the defaults are the first example of NLvib
     (Krack and Gross 2019, doi:10.1007/978-3-030-14023-6).
     """
+    for name, value in (("damping_ratio", damping_ratio), ("cubic", cubic), ("force", force)):
+        real_number(name, value)
     return System(
         [[1.0]],
         lambda p: [[2.0 * p.damping_ratio]],
@@ -103,6 +105,15 @@ def tuned_absorber(
     Detroux, Habib, Masset, Kerschen (2015), Mech. Syst. Signal Process. 60-61, 799-809,
     doi:10.1016/j.ymssp.2015.01.035.
     """
+    given = {
+        "force": force,
+        "mass_ratio": mass_ratio,
+        "damping": damping,
+        "absorber_stiffness": absorber_stiffness,
+        "absorber_damping": absorber_damping,
+        "absorber_cubic": absorber_cubic,
+    }
+    parameters = {name: real_number(name, value) for name, value in given.items()}
     tie = ca.DM([[1.0, -1.0], [-1.0, 1.0]])
     host = ca.DM([[1.0, 0.0], [0.0, 0.0]])
     return System(
@@ -114,13 +125,6 @@ def tuned_absorber(
             p.absorber_cubic * (q[1] - q[0]) ** 3,
         ],
         forcing=lambda tau, p: [p.force * ca.cos(tau), 0.0],
-        parameters={
-            "force": force,
-            "mass_ratio": mass_ratio,
-            "damping": damping,
-            "absorber_stiffness": absorber_stiffness,
-            "absorber_damping": absorber_damping,
-            "absorber_cubic": absorber_cubic,
-        },
+        parameters=parameters,
         name="oscillator with nonlinear tuned absorber",
     )

@@ -145,7 +145,7 @@ class System:
         }
         for what, matrix_given in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             if matrix_given is None:
-                raise refused(TypeError, what, matrix_given, "a matrix, of zeros where there is none")
+                raise refused(ValueError, what, matrix_given, "a matrix, of zeros where there is none")
         known = ParameterSet({} if parameters is None else parameters)
         p, tau = ca.SX.sym("p", len(known.names)), ca.SX.sym("tau")
         named = Namespace("parameter", {key: p[i] for i, key in enumerate(known.names)})
@@ -160,6 +160,8 @@ class System:
         d_u = matrix("input_damping", input_damping, p, named, (n, n_u))
         m_u = matrix("input_mass", input_mass, p, named, (n, n_u))
 
+        if lag_state is None:
+            check_lags(lag_state, lag_input, lag_motion, lag_output)
         a_x = numbers("lag_state", lag_state, None)
         m = a_x.shape[0]
         b_q, b_u = numbers("lag_input", lag_input, (m, n)), numbers("lag_motion", lag_motion, (m, n_u))

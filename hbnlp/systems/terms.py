@@ -34,6 +34,9 @@ def check_motion(motion: Any, inputs: Mapping[str, Any], outputs: Any) -> None:
 def check_lags(lag_state: Any, lag_input: Any, lag_motion: Any, lag_output: Any) -> None:
     """Raise a ValueError for lag states that nothing moves, or that move nothing."""
     if lag_state is None:
+        for name, matrix in (("lag_input", lag_input), ("lag_motion", lag_motion), ("lag_output", lag_output)):
+            if matrix is not None:
+                raise refused(ValueError, "lag_state", lag_state, f"the matrix of lag states, or leave {name} out")
         return
     if lag_output is None:
         raise refused(ValueError, "lag_output", lag_output, "what the lag states act through, or leave lag_state out")

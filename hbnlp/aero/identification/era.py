@@ -108,7 +108,7 @@ def realise(
     matrices = [("mass", mass), ("stiffness", stiffness), ("damping", damping)]
     for name, matrix in matrices:
         if matrix is not None or name == "mass":
-            finite_array(name, matrix, y.shape[1:])
+            finite_array(name, matrix, y.shape[1:], advice=", as of the loads")
     instance_of("provenance", provenance, Provenance | None, "hbnlp.aero.Provenance(source=..., reynolds=...)")
     _check_record(t, y)
     whole_number(
