@@ -180,7 +180,7 @@ def test_theodorsen_function_is_regular_from_rest_to_high_frequency():
 
 @pytest.mark.parametrize("s", [-1.0, [1j, -0.1 + 1j], np.nan, np.inf])
 def test_exact_transfer_left_of_the_imaginary_axis_is_refused(s):
-    with pytest.raises(ValueError, match="s (holds|is)"):
+    with pytest.raises(ValueError, match=r"s (holds|is)"):
         theodorsen_transfer(s)
 
 
