@@ -113,7 +113,7 @@ def test_a_table_is_not_what_save_writes(branch, tmp_path):
 
 
 def test_a_force_beyond_measure_is_told(problem):
-    with pytest.raises(ValueError, match=r"load of forcing or motion is 1e\+200"):
+    with pytest.raises(ValueError, match=r"load of forcing or motion is 1.*e\+200"):
         hbnlp.solve(problem, at={"omega": 1.0, "force": 1e200})
 
 
