@@ -68,7 +68,7 @@ OPTIONS = {
     "a list of forces": (lambda: _system(forcing=[1.0]), r"forcing is \[1.0\]; give a function of \(tau, p\)"),
     "an endless frequency": (
         lambda: aero.FrequencyResponse(omega=[1.0, np.inf], values=0.0, static=0.0, base_load=0.0),
-        r"omega is \[1.0, inf\]; give an array of finite",
+        r"omega\[1\] is inf; give an array of finite",
     ),
     "too fine an aerofoil": (lambda: aero.thin_airfoil(10**4), "n_modes is 10000; give an integer from 0 to 1000"),
     "half a level": (lambda: dns.Grid.around_plate(levels=2.5), "levels is 2.5; give an integer"),

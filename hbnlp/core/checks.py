@@ -158,8 +158,12 @@ def finite_array(
     except (TypeError, ValueError, RuntimeError):  # ragged lists, and symbols
         array = np.array(None)
     numeric = array.dtype.kind in ("iufc" if kind is complex else "iuf")
-    if not numeric or not np.isfinite(array).all():
+    if not numeric:
         raise refused(ValueError, name, value, accepted)
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        where = tuple(bad[0].tolist())
+        raise refused(ValueError, f"{name}{list(where)}" if where else name, array[where].item(), accepted)
     if shape is not None and (
         array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True))
     ):

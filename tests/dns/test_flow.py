@@ -183,7 +183,7 @@ def test_impossible_grids_are_refused() -> None:
         dns.Grid(spacing=1.0, shape=(20, 8), corner=(0.0, 0.0))
     with pytest.raises(ValueError, match="levels is 0"):
         dns.Grid(spacing=1.0, shape=(20, 20), corner=(0.0, 0.0), levels=0)
-    with pytest.raises(ValueError, match="upper > lower"):
+    with pytest.raises(ValueError, match="the lower one first"):
         dns.Grid.box(spacing=0.1, x=(1.0, 0.0))
     with pytest.raises(ValueError, match="cells is 2"):
         dns.Grid.around_plate(cells=2)

@@ -326,7 +326,7 @@ def test_an_unknown_output_is_refused_with_the_nearest_one():
 BAD_LAGS = {
     "a vector": ({"lag_state": [-1.0]}, r"lag_state has shape \(1,\)"),
     "not square": ({"lag_state": [[-1.0, 2.0]]}, r"lag_state has shape \(1, 2\); give a square matrix"),
-    "nan": ({"lag_state": [[np.nan]]}, r"lag_state is \[\[nan\]\]; give an array of finite real numbers"),
+    "nan": ({"lag_state": [[np.nan]]}, r"lag_state\[0, 0\] is nan; give an array of finite real numbers"),
     "wide input": (
         {"lag_state": [[-1.0]], "lag_input": [[1.0, 2.0]]},
         r"lag_input has shape .* of shape \(1, 1\)",
