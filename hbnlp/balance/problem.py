@@ -22,6 +22,7 @@ from hbnlp.balance.output_groups import warn_of_switches
 from hbnlp.balance.outputs import Outputs
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
+from hbnlp.core.checks import finite_array, instance_of, whole_number
 from hbnlp.core.errors import CornerError
 from hbnlp.core.kept import Kept, built_once
 from hbnlp.core.renamed import renamed_name
@@ -78,8 +79,7 @@ class HarmonicBalance:
     """
 
     def __init__(self, system: System, n_harmonics: int, *, periods: int = 1, n_samples: int | None = None) -> None:
-        if not isinstance(system, System):
-            raise TypeError(f"system is {system!r}; an hbnlp.System is needed")
+        instance_of("system", system, System, "an hbnlp.System")
         self._set_up(system, Sampling.of(system, n_harmonics, periods, n_samples), self)
 
     def _set_up(self, system: System, sampling: Sampling, origin: HarmonicBalance) -> None:
@@ -184,9 +184,9 @@ class HarmonicBalance:
 
     def vector(self, coefficients: ArrayLike) -> Array:
         """Return coefficients (n, any odd number), cut or padded to 2H+1, as a vector of unknowns."""
-        array = np.asarray(coefficients, dtype=float)
-        if array.ndim != 2 or array.shape[0] != self.shape[0] or array.shape[1] % 2 == 0:
-            raise ValueError(f"coefficients have shape {array.shape}; ({self.shape[0]}, 2H+1) is needed")
+        array = finite_array("coefficients", coefficients, (self.shape[0], None))
+        if array.shape[1] % 2 == 0:
+            raise ValueError(f"coefficients has shape {array.shape}; give an array of shape ({self.shape[0]}, 2H+1)")
         return resize(array, self.n_harmonics).ravel()
 
     def values(self, at: Mapping[str, float] | None = None, **options: Any) -> Array:
@@ -239,7 +239,7 @@ class HarmonicBalance:
 
     def coefficients(self, dof: int) -> ca.MX:
         """Return the symbols a_0, a_1, ... (2H+1,) of one displacement."""
-        length = self.shape[1]
+        length, dof = self.shape[1], whole_number("dof", dof, least=0, most=self.shape[0] - 1)
         return self.x[dof * length : (dof + 1) * length]
 
     def output(self, name: str) -> ca.MX:
@@ -252,8 +252,7 @@ class HarmonicBalance:
 
     def amplitude_squared(self, name: str, harmonic: int = 1) -> ca.MX:
         """Return the squared amplitude of one harmonic (h >= 1) of a named output as an expression of x and p."""
-        if not 1 <= harmonic <= self.n_harmonics:
-            raise ValueError(f"harmonic = {harmonic}; 1 to {self.n_harmonics} are retained")
+        whole_number("harmonic", harmonic, least=1, most=self.n_harmonics, advice=", which are retained")
         return ca.sumsqr(self.output(name)[2 * harmonic - 1 : 2 * harmonic + 1])
 
     def output_harmonics(self, x: ArrayLike, values: ArrayLike) -> ComplexArray:

@@ -12,7 +12,7 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
-from hbnlp.core.checks import counted, real_number
+from hbnlp.core.checks import counted, instance_of, place, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.records import AlongParameter, Layout, attributes_of, parts_of
@@ -96,6 +96,7 @@ class Branch(AlongParameter):
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution."""
+        index = place("index", index, len(self))
         return Solution(
             coefficients=self.coefficients[index],
             parameters={
@@ -222,6 +223,9 @@ class Branch(AlongParameter):
         TypeError
             If ``problem`` is something else.
         """
+        instance_of(
+            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
+        )
         arrays, metadata = load_arrays(path, _LAYOUT.kind)
         fields = attributes_of(path, arrays, metadata, _LAYOUT)
         shared = {name: fields[name] for name in ("name", "output_names", "periods")}

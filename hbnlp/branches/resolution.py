@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.balance.sampling import MOST_HARMONICS
 from hbnlp.branches.branch import Branch
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, real_number, whole_number
+from hbnlp.core.checks import instance_of, list_of_callables, place, real_number, whole_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.records import AlongParameter, Layout, load_record, save_record
@@ -81,6 +82,7 @@ class ResolvedBranch(AlongParameter):
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution with its own number of harmonics."""
+        index = place("index", index, len(self))
         n_harmonics = int(self.n_harmonics[index])
         found = bool(np.isfinite(self.truncation_error[index]))
         return Solution(
@@ -106,6 +108,9 @@ class ResolvedBranch(AlongParameter):
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> ResolvedBranch:
         """Return what `save` wrote, with its problem (of any harmonics) if that is given: see `Branch.load`."""
+        instance_of(
+            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
+        )
         resolved = cls(**load_record(path, _LAYOUT))
         found = np.flatnonzero(np.isfinite(resolved.truncation_error))
         if problem is not None and found.size:
@@ -167,11 +172,12 @@ def resolve_harmonics(
     ValueError
         For a tolerance that is not between 0 and 1, numbers out of order, or a branch from a file.
     """
-    real_number("tolerance", tolerance, above=0.0)
-    if tolerance >= 1.0:
-        raise ValueError(f"tolerance = {tolerance!r}; a relative error below 1 is needed")
-    whole_number("least", least, least=1)
-    whole_number("at_most", at_most, least=least)
+    instance_of("branch", branch, Branch, "a Branch, as hbnlp.trace returns it")
+    instance_of("method", method, Newton | None, "Newton(...)")
+    list_of_callables("callbacks", callbacks)
+    real_number("tolerance", tolerance, above=0.0, below=1.0)
+    whole_number("least", least, least=1, most=MOST_HARMONICS)
+    whole_number("at_most", at_most, least=least, most=MOST_HARMONICS)
     problem = attached(branch)
     if len(branch) < 2:
         raise ValueError("the branch has a single point, and so no direction; trace two points or more")

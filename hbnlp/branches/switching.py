@@ -11,7 +11,7 @@ from hbnlp.branches.departing import Crossing, over_two_periods
 from hbnlp.branches.doubling import doubled
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
-from hbnlp.core.checks import instance_of
+from hbnlp.core.checks import instance_of, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import fewer_arguments, renamed_arguments
@@ -56,8 +56,7 @@ def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution,
     """
     instance_of("point", point, SpecialPoint, "a special point of a branch, such as branch.branch_points[0]")
     problem = attached(point, "load its branch with problem=...")
-    if not 0.0 < step < 1.0:
-        raise ValueError(f"step = {step!r}; a length between 0 and 1 is needed")
+    real_number("step", step, above=0.0, below=1.0)
     if point.kind is Kind.BRANCH_POINT and point.null is not None:
         solution, direction = point.solution, point.null
     elif point.kind is Kind.PERIOD_DOUBLING:

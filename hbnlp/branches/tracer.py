@@ -18,7 +18,7 @@ from hbnlp.branches.starting import fresh_start, resumed_start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.point import Point
 from hbnlp.continuation.walk import Walk
-from hbnlp.core.checks import instance_of
+from hbnlp.core.checks import instance_of, refused
 from hbnlp.core.errors import CornerError, NonFiniteError
 from hbnlp.core.interrupts import guarded, interrupts_kept
 from hbnlp.core.kinds import End, Kind
@@ -84,8 +84,8 @@ class Tracer(StaysHere):
         self.name = name
         self.span = problem.system.parameters.span(name, span)
         self.options = method or PseudoArclength()
-        if direction not in (1, -1):
-            raise ValueError(f"direction = {direction!r}; 1 (towards the end of the span) or -1 is needed")
+        if not isinstance(direction, int) or isinstance(direction, bool) or direction not in (1, -1):
+            raise refused(ValueError, "direction", direction, "1 (towards the end of the span) or -1")
         self._records: list[Traced] = []
         self._resumed = resume
         self._corner = ""

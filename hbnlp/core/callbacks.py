@@ -11,6 +11,7 @@ from typing import Any
 
 from tqdm.auto import tqdm
 
+from hbnlp.core.checks import file_name, real_number
 from hbnlp.core.errors import SaveError
 
 logger = logging.getLogger(__name__)
@@ -84,8 +85,8 @@ class Autosave:
     """
 
     def __init__(self, path: str | os.PathLike[str], *, seconds: float = 30.0) -> None:
-        if seconds <= 0.0:
-            raise ValueError(f"seconds = {seconds!r}; a positive time between two saves is needed")
+        file_name("path", path)
+        real_number("seconds", seconds, above=0.0, advice=", the time between two saves")
         self.path = path
         self.seconds = seconds
         self._last = time.monotonic()

@@ -16,9 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hbnlp.core.checks import file_name, refused
 from hbnlp.core.errors import SaveError
 
 _METADATA = "metadata.json"
+FOREIGN = (".csv", ".txt", ".json", ".mat", ".h5")
+"""Endings of other formats, which a NumPy archive is not to have."""
 # what Python and NumPy raise in reading a file that is cut off, has a byte changed or is something else
 _DAMAGES = (
     zipfile.BadZipFile, zlib.error, tokenize.TokenError, NotImplementedError, OSError, EOFError, ValueError, KeyError,
@@ -56,7 +59,10 @@ def save_arrays(
     TypeError, ValueError
         If an array holds objects or the metadata are not JSON.
     """
+    file_name("path", path)
     target = Path(path)
+    if target.suffix in FOREIGN:
+        raise refused(ValueError, "path", path, "a name that ends in .npz: this writes a NumPy archive")
     for name, array in arrays.items():
         if array.dtype.hasobject:
             raise TypeError(f"array {name!r} holds Python objects; only numeric, boolean and text arrays are stored")
@@ -107,6 +113,7 @@ def load_arrays(
     ValueError
         If the file is damaged, is not from `save_arrays` or holds something else.
     """
+    file_name("path", path)
     source = Path(path)
     with source.open("rb") as handle:
         try:

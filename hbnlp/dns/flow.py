@@ -13,11 +13,11 @@ Colonius and Taira (2008), doi:10.1016/j.cma.2007.08.014.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 
 import numpy as np
 
+from hbnlp.core.checks import instance_of, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array
 from hbnlp.dns.bodies import Body, MovingPoints, Points, SharpPlate
@@ -80,11 +80,12 @@ class Simulation:
         motion: Motion | None = None,
         stream: float = 1.0,
     ) -> None:
-        if not (math.isfinite(reynolds) and reynolds > 0.0):
-            raise ValueError(f"reynolds is {reynolds}; it must be positive and finite")
-        step = 0.3 * grid.spacing if dt is None else dt
-        if not (math.isfinite(step) and step > 0.0):
-            raise ValueError(f"dt is {dt}; it must be positive and finite")
+        instance_of("grid", grid, Grid, "a Grid, such as Grid.around_plate()")
+        instance_of("body", body, Body | Membrane, "Points, MovingPoints, a SharpPlate or a Membrane")
+        instance_of("motion", motion, Motion | None, "a Motion, such as Motion.at_incidence(degrees)")
+        real_number("reynolds", reynolds, above=0.0)
+        real_number("stream", stream)
+        step = 0.3 * grid.spacing if dt is None else real_number("dt", dt, above=0.0)
         check_courant(abs(stream) * step / grid.spacing, step, 0.0)
         self.grid, self.body, self.reynolds, self.dt = grid, body, reynolds, step
         self.motion = Motion() if motion is None else motion
@@ -165,8 +166,8 @@ class Simulation:
         KeyboardInterrupt
             On Ctrl-C, after a whole step: ``history`` has all of them, and the same call goes on.
         """
-        if not until > self.time - 0.5 * self.dt:
-            raise ValueError(f"until is {until}, but the flow is at t = {self.time:.6g} already; give a later time")
+        real_number("until", until, least=self.time - 0.5 * self.dt, advice=", the flow is there already")
+        instance_of("callback", callback, Callable | None, "a function of the simulation, or dns.together(...)")
         for _ in range(round((until - self.time) / self.dt)):
             self.step()
             if callback is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import fields
 
+from hbnlp.core.checks import instance_of
 from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.dns.flow import Simulation
 from hbnlp.dns.history import History
@@ -20,6 +21,7 @@ def save_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
     SaveError
         (An `OSError`.) If the file cannot be written; an older file of that name is as it was.
     """
+    instance_of("simulation", simulation, Simulation, "a Simulation")
     save_arrays(path, _STATE, simulation.state(), {})
 
 
@@ -33,6 +35,7 @@ def load_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
     ValueError
         If the file holds something else or belongs to another grid.
     """
+    instance_of("simulation", simulation, Simulation, "a Simulation")
     # the first version wrote arrays alone
     simulation.restore(load_arrays(path, _STATE, plain=True)[0])
 
@@ -45,6 +48,7 @@ def save_history(history: History, path: str | os.PathLike[str]) -> None:
     SaveError
         (An `OSError`.) If the file cannot be written; an older file of that name is as it was.
     """
+    instance_of("history", history, History, "a History, as Simulation.run returns it")
     save_arrays(path, _HISTORY, {part.name: getattr(history, part.name) for part in fields(History)}, {})
 
 

@@ -8,7 +8,7 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.checks import flag, real_number, whole_number
 from hbnlp.core.interrupts import interrupts_at_once
 from hbnlp.core.types import Array
 from hbnlp.integration.first_order import FirstOrderForm, Propagator, Window
@@ -43,9 +43,10 @@ class Adaptive:
     stiff: bool = False
 
     def __post_init__(self) -> None:
-        real_number("rtol", self.rtol, above=0.0)
-        real_number("atol", self.atol, above=0.0)
-        whole_number("samples_per_period", self.samples_per_period, least=4)
+        real_number("rtol", self.rtol, above=0.0, below=1.0)
+        real_number("atol", self.atol, above=0.0, below=1.0)
+        whole_number("samples_per_period", self.samples_per_period, least=4, most=1_000_000)
+        flag("stiff", self.stiff)
 
     def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
         """Return CVODES at one parameter point; the first window takes its sizes from ``state`` and the load."""

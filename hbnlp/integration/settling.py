@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, list_of_callables, real_number, whole_number
+from hbnlp.core.checks import finite_array, flag, instance_of, list_of_callables, real_number, refused, whole_number
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.renamed import renamed_arguments
@@ -64,21 +64,21 @@ def initial_state(system: System, start: Any, values: Array, periods: int) -> Ar
         return np.zeros(system.n_state)
     if isinstance(start, TimeResponse):
         start = start.state
+    elif isinstance(start, type) or callable(getattr(start, "coefficients", None)):
+        raise refused(TypeError, "start", start, "a state, coefficients, a solution or a TimeResponse")
     elif hasattr(start, "coefficients"):
         point = system.parameters.values(getattr(start, "parameters", None) or system.parameters.as_dict(values))
         its_periods: int = getattr(start, "periods", 0) or getattr(getattr(start, "problem", None), "periods", 1)
         return state_of(system, start.coefficients, point, its_periods)
-    state = np.asarray(start, dtype=float)
-    if state.ndim == 2:
+    state: Array = finite_array("start", start)
+    if state.ndim == 2 and state.shape[0] == system.n_dof and state.shape[1] % 2:
         return state_of(system, state, values, periods)
     if state.shape != (system.n_state,):
         raise ValueError(
-            f"start has shape {state.shape}; ({system.n_state},) is needed, (q, q', x) of {system.n_dof} degrees of "
-            f"freedom and {system.n_lags} lag states, or ({system.n_dof}, 2H+1) for Fourier coefficients"
+            f"start has shape {state.shape}; give an array of shape ({system.n_state},), (q, q', x) of {system.n_dof} "
+            f"degrees of freedom and {system.n_lags} lag states, or ({system.n_dof}, 2H+1) for Fourier coefficients"
         )
-    if not np.all(np.isfinite(state)):
-        raise ValueError("start has entries that are not finite")
-    return state.copy()
+    return state
 
 
 @renamed_arguments(initial="start")
@@ -145,6 +145,7 @@ def integrate(
     instance_of("system", system, System, "a System, such as problem.system")
     instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...)")
     list_of_callables("callbacks", callbacks)
+    flag("throw", throw)
     check_limits(periods, max_periods, periodic_tol)
     values = system.parameters.values(at)
     state = initial_state(system, start, values, periods)
@@ -165,7 +166,7 @@ def integrate(
 
 def check_limits(periods: int, max_periods: int, periodic_tol: float) -> None:
     """Raise an error for numbers of periods or a tolerance that make no sense."""
-    whole_number("periods", periods, least=1)
+    whole_number("periods", periods, least=1, most=10_000)
     whole_number("max_periods", max_periods, least=periods, advice=" (the number of periods)")
     real_number("periodic_tol", periodic_tol, above=0.0)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.curve import relative_residual
+from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.interrupts import INTERRUPTS, check_interrupts
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.locks import lasting_lock
@@ -38,10 +39,8 @@ class Ipopt:
     max_iterations: int = 500
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tol < 1e-2:
-            raise ValueError(f"tol = {self.tol!r}; a tolerance between 0 and 0.01 is needed")
-        if self.max_iterations < 1:
-            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+        real_number("tol", self.tol, above=0.0, below=1e-2)
+        whole_number("max_iterations", self.max_iterations, least=1)
 
     def options(self) -> dict[str, object]:
         """Return the options of CasADi's ``nlpsol``."""

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.checks import instance_of
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.solution import Solution, attached
@@ -241,6 +242,8 @@ def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResu
     ValueError
         If the solution did not converge, or came from a file, without its problem.
     """
+    instance_of("solution", solution, Solution, "a Solution, such as branch.solution(0)")
+    instance_of("method", method, Floquet | None, "Floquet(...)")
     problem = attached(solution)
     if not solution.converged:
         raise ValueError("the solution did not converge: it is no motion of the system, and has no stability")

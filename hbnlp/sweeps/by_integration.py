@@ -81,7 +81,7 @@ def march(
     list_of_callables("callbacks", callbacks)
     check_limits(periods, max_periods, periodic_tol)
     marched = system.parameters.series(name, values)
-    whole_number("n_harmonics", n_harmonics, least=1)
+    whole_number("n_harmonics", n_harmonics, least=1, most=10_000)
     point = system.parameters.values(at, but=(name,))
     index = system.parameters.index(name)
     form = FirstOrderForm(system)

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hbnlp.core.checks import finite_array
 from hbnlp.core.types import Array
 from hbnlp.systems.calling import called
 from hbnlp.systems.parameters import Namespace
@@ -192,10 +193,7 @@ def numbers(what: str, given: ArrayLike | None, shape: tuple[int, int] | None) -
     """Return a constant matrix, checked; ``shape`` None: square of any size."""
     if given is None:
         return np.zeros(shape or (0, 0))
-    array = np.array(given, dtype=float)
-    wanted = shape or (array.shape[0], array.shape[0])
-    if array.ndim != 2 or array.shape != wanted:
-        raise ValueError(f"{what} has shape {array.shape}; {wanted} is needed")
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"{what} has entries that are not finite")
+    array: Array = finite_array(what, given, (None, None) if shape is None else shape)
+    if shape is None and array.shape[0] != array.shape[1]:
+        raise ValueError(f"{what} has shape {array.shape}; give a square matrix")
     return array

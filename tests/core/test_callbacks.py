@@ -200,7 +200,7 @@ def test_a_failure_to_save_is_logged_with_the_path(problem, tmp_path, caplog):
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0])
 def test_an_interval_that_is_not_positive_is_refused(seconds):
-    with pytest.raises(ValueError, match=f"seconds = {seconds}; a positive time between two saves is needed"):
+    with pytest.raises(ValueError, match=f"seconds is {seconds}; give a finite number greater than 0, the time"):
         Autosave("branch.npz", seconds=seconds)
 
 

@@ -222,7 +222,7 @@ def test_names_values_and_options_are_checked():
     with pytest.raises(ValueError, match="parameter 'omega' has no value"):
         find_all(problem)
     for options, message in (
-        ({"n_starts": -1}, "n_starts = -1"),
+        ({"n_starts": -1}, "n_starts is -1"),
         ({"n_deflated": -1}, "n_deflated = -1"),
         ({"amplitudes": (2.0, 1.0)}, "two positive numbers in rising order"),
         ({"amplitudes": (0.0, 1.0)}, "two positive numbers in rising order"),

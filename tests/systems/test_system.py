@@ -109,7 +109,14 @@ def test_a_tangent_that_is_not_finite_at_rest_is_named():
 
 
 def test_the_derivatives_of_the_motion_are_by_time():
-    system = System(ONE, ONE, ONE, motion=lambda tau, p: [ca.sin(tau) + 0.3 * ca.cos(2 * tau)], parameters=PARAMETERS)
+    system = System(
+        ONE,
+        ONE,
+        ONE,
+        motion=lambda tau, p: [ca.sin(tau) + 0.3 * ca.cos(2 * tau)],
+        input_mass=ONE,
+        parameters=PARAMETERS,
+    )
     function = ca.Function("motion", [system.tau, system.p], [system.motion, *system.motion_derivatives])
     t, omega = 0.7, 1.3
     u, du, ddu = (float(e) for e in function(omega * t, [0.1, omega]))
@@ -321,17 +328,23 @@ def test_an_unknown_output_is_refused_with_the_nearest_one():
 
 BAD_LAGS = {
     "a vector": ({"lag_state": [-1.0]}, r"lag_state has shape \(1,\)"),
-    "not square": ({"lag_state": [[-1.0, 2.0]]}, r"lag_state has shape \(1, 2\); \(1, 1\) is needed"),
-    "nan": ({"lag_state": [[np.nan]]}, "lag_state has entries that are not finite"),
-    "wide input": ({"lag_state": [[-1.0]], "lag_input": [[1.0, 2.0]]}, r"lag_input has shape \(1, 2\); \(1, 1\) is"),
+    "not square": ({"lag_state": [[-1.0, 2.0]]}, r"lag_state has shape \(1, 2\); give a square matrix"),
+    "nan": ({"lag_state": [[np.nan]]}, r"lag_state\[0, 0\] is nan; give an array of finite real numbers"),
+    "wide input": (
+        {"lag_state": [[-1.0]], "lag_input": [[1.0, 2.0]]},
+        r"lag_input has shape .* of shape \(1, 1\)",
+    ),
     "tall output": (
         {"lag_state": [[-1.0]], "lag_output": [[1.0], [2.0]]},
         r"lag_output has shape \(2, 1\); \(1, 1\) is",
     ),
-    "input without states": ({"lag_input": [[1.0]]}, r"lag_input has shape \(1, 1\); \(0, 1\) is needed"),
+    "input without states": (
+        {"lag_input": [[1.0]]},
+        r"lag_state is None; give .* or leave lag_input out",
+    ),
     "motion without motion": (
         {"lag_state": [[-1.0]], "lag_motion": [[1.0]]},
-        r"lag_motion has shape \(1, 1\); \(1, 0\)",
+        r"lag_motion has shape \(1, 1\); give an array .* of shape \(1, 0\)",
     ),
     "stiffness without motion": (
         {"input_stiffness": [[1.0]]},
