@@ -14,6 +14,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import contextlib
 import json
 import logging
 import sys
@@ -39,8 +40,9 @@ def examined(seed: int) -> tuple[RandomOscillator, Report]:
 
 
 def run(first: int, count: int, out: Path | None) -> list[Report]:
-    reports = []
-    with tqdm(total=count, unit="system", disable=count == 1) as bar:
+    """Examine one seed after another; Ctrl-C ends the run with what there is."""
+    reports: list[Report] = []
+    with contextlib.suppress(KeyboardInterrupt), tqdm(total=count, unit="system", disable=count == 1) as bar:
         for seed in range(first, first + count):
             begin = time.process_time()
             oscillator, report = examined(seed)
@@ -48,16 +50,9 @@ def run(first: int, count: int, out: Path | None) -> list[Report]:
             for kind, what in report.failures:
                 bar.write(f"{oscillator}\n    {kind}: {what}")
             if out is not None:
-                line = {
-                    "seed": seed,
-                    "seconds": round(time.process_time() - begin, 2),
-                    "points": report.points,
-                    "checks": report.checks,
-                    "left_out": report.left_out,
-                    "failures": report.failures,
-                }
+                seconds = round(time.process_time() - begin, 2)
                 with out.open("a") as file:
-                    file.write(json.dumps(line) + "\n")
+                    file.write(json.dumps({"seed": seed, "seconds": seconds, **vars(report)}) + "\n")
             bar.update()
     return reports
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from independent import FirstOrder
 from random_oscillators import RandomOscillator
 from sampled_balance import SampledBalance
 from scipy.integrate import solve_ivp
+from scipy.interpolate import BarycentricInterpolator
 
 import hbnlp
 from hbnlp.testing import check_branch
@@ -46,8 +48,14 @@ def examine(oscillator: RandomOscillator, *, most_points: int = 1500) -> Report:
         warnings.simplefilter("ignore", hbnlp.LinearInstabilityWarning)
         problem = oscillator.problem()
         method = hbnlp.PseudoArclength(max_points=most_points)
+        parts = []
+
+        def keep(progress):
+            if progress.counts["points"] % 25 == 10 and not progress.done:
+                parts.append(progress.result())
+
         try:
-            branch = hbnlp.trace(problem, "omega", oscillator.span, method=method)
+            branch = hbnlp.trace(problem, "omega", oscillator.span, method=method, callbacks=[keep])
         except hbnlp.ConvergenceError as error:
             report.left_out["no start"] += 1
             report.failures.append(("no start", str(error)[:120]))
@@ -57,11 +65,27 @@ def examine(oscillator: RandomOscillator, *, most_points: int = 1500) -> Report:
             report.left_out["longer than the most points"] += 1
         else:
             report.hold("reaches an end", branch.complete, f"{branch.end.name} at omega = {branch.parameter[-1]:.9g}")
-        for check in (_check_branch, _residual, _folds, _multipliers, _stable, _reversed, _resumed, _retraced):
+        checks = [
+            check_shapes,
+            check_residual,
+            check_folds,
+            check_multipliers,
+            check_stable,
+            check_reversed,
+            check_retraced,
+        ]
+        if parts:
+            checks.append(partial(check_resumed, parts[2 * len(parts) // 3]))
+        for check in checks:
             try:
                 check(report, oscillator, problem, branch)
             except Exception as error:  # noqa: BLE001 (a long run goes on, and tells)
-                report.failures.append((check.__name__.strip("_"), f"{type(error).__name__}: {error}"[:200]))
+                report.failures.append(
+                    (
+                        getattr(check, "func", check).__name__.removeprefix("check_"),
+                        f"{type(error).__name__}: {error}"[:200],
+                    )
+                )
     return report
 
 
@@ -70,7 +94,7 @@ def _sample(branch, count, oscillator):
     return sorted(rng.choice(len(branch), min(count, len(branch)), replace=False))
 
 
-def _check_branch(report, oscillator, problem, branch):
+def check_shapes(report, _oscillator, _problem, branch):
     try:
         check_branch(branch)
         report.hold("check_branch", True, "")
@@ -78,7 +102,7 @@ def _check_branch(report, oscillator, problem, branch):
         report.hold("check_branch", False, str(error))
 
 
-def _residual(report, oscillator, problem, branch):
+def check_residual(report, oscillator, _problem, branch):
     balance = SampledBalance(oscillator)
     for i in _sample(branch, 20, oscillator):
         x, w = branch.coefficients[i].ravel(), branch.parameter[i]
@@ -87,7 +111,7 @@ def _residual(report, oscillator, problem, branch):
         report.hold("residual", relative <= RESIDUAL_TOL, f"{relative:.1e} at omega = {w:.9g}")
 
 
-def _folds(report, oscillator, problem, branch):
+def check_folds(report, oscillator, _problem, branch):
     balance = SampledBalance(oscillator)
     for fold in branch.folds[:6]:
         if not fold.refined:
@@ -98,7 +122,7 @@ def _folds(report, oscillator, problem, branch):
         report.hold("fold", close, f"{fold.value:.12g}, by Newton's method {value}")
 
 
-def _multipliers(report, oscillator, problem, branch):
+def check_multipliers(report, oscillator, problem, branch):
     """The variational equations along the balance's own motion: truncation plays no part."""
     balance = SampledBalance(oscillator)
     size = problem.system.n_state
@@ -126,7 +150,9 @@ def _multipliers(report, oscillator, problem, branch):
             matrix = matrix * scale / scale[:, None] / w
             return (matrix @ z.reshape(size, size)).ravel()
 
-        run = solve_ivp(rate, (0.0, 2.0 * np.pi), np.eye(size).ravel(), method="DOP853", rtol=1e-8, atol=1e-10)
+        run = solve_ivp(
+            rate, (0.0, 2.0 * np.pi), np.eye(size).ravel(), method="DOP853", rtol=1e-10, atol=1e-12, max_step=0.1
+        )
         values = np.linalg.eigvals(run.y[:, -1].reshape(size, size))
         given = list(branch.multipliers[i])
         worst = 0.0
@@ -140,7 +166,7 @@ def _multipliers(report, oscillator, problem, branch):
         report.hold("multipliers", worst <= bound, f"off by {worst:.1e} at omega = {w:.9g}")
 
 
-def _stable(report, oscillator, problem, branch):
+def check_stable(report, oscillator, problem, branch):
     balance = SampledBalance(oscillator)
     stable = np.flatnonzero(branch.stable)
     if not stable.size:
@@ -183,7 +209,7 @@ def _differ(one, other):
     return lonely, [(kind, float(value)) for kind, value in rest]
 
 
-def _reversed(report, oscillator, problem, branch):
+def check_reversed(report, oscillator, problem, branch):
     if branch.end is not hbnlp.End.SPAN_END:
         report.left_out["reversed: does not end at the span's end"] += 1
         return
@@ -195,10 +221,9 @@ def _reversed(report, oscillator, problem, branch):
     report.hold("reversed", not there and not here, f"only forward {there}, only back {here}, ends {back.end.name}")
 
 
-def _resumed(report, oscillator, problem, branch):
-    if not branch.complete or len(branch) < 5:
+def check_resumed(part, report, oscillator, problem, branch):
+    if not branch.complete:
         return
-    part = hbnlp.trace(problem, "omega", oscillator.span, method=hbnlp.PseudoArclength(max_points=len(branch) // 2 + 1))
     whole = hbnlp.trace(problem, "omega", oscillator.span, resume=part)
     there, here = _differ(_values(branch), _values(whole))
     size = np.abs(branch.coefficients).max()
@@ -211,26 +236,32 @@ def _resumed(report, oscillator, problem, branch):
     )
 
 
-def _retraced(report, oscillator, problem, branch):
-    """No point lies on a distant segment of the branch and runs along with it."""
+def check_retraced(report, _oscillator, _problem, branch):
+    """No point lies on the cubic through distant points of the branch and runs along with it."""
     flat = branch.coefficients.reshape(len(branch), -1)
     size = max(np.abs(flat).max(), 1e-300)
     y = np.column_stack([flat / size, branch.parameter / max(branch.span)])
     steps = np.diff(y, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     last = len(y) - 1
-    for i in range(len(steps)):
-        others = np.flatnonzero(np.abs(np.arange(len(y)) - i - 0.5) > 6)
+    for i in range(1, last - 1):
+        others = np.flatnonzero(np.abs(np.arange(last + 1) - i - 0.5) > 6)
         if branch.closed:
             others = others[(others > 6) & (others < last - 6)] if 6 < i < last - 6 else others[:0]
         away = y[others] - y[i]
         along = away @ steps[i] / lengths[i] ** 2
         off = np.linalg.norm(away - along[:, None] * steps[i], axis=1)
-        for k in others[(along > 0.0) & (along < 1.0) & (off < 1e-3 * lengths[i])]:
-            if 0 < k < last:
-                tangent = y[k + 1] - y[k - 1]
-                cosine = abs(tangent @ steps[i]) / (np.linalg.norm(tangent) * lengths[i])
-                if cosine > 1.0 - 1e-5:
-                    report.hold("retraced", False, f"points {i} and {k} at omega = {branch.parameter[k]:.9g}")
-                    return
+        near = others[(along > 0.0) & (along < 1.0) & (off < 0.1 * lengths[i])]
+        if not near.size:
+            continue
+        nodes = np.concatenate([[0.0], np.cumsum(lengths[i - 1 : i + 2])])
+        curve = BarycentricInterpolator(nodes, y[i - 1 : i + 3])(np.linspace(nodes[1], nodes[2], 201))
+        for k in near[(near > 0) & (near < last)]:
+            distances = np.linalg.norm(curve - y[k], axis=1)
+            j = int(np.clip(np.argmin(distances), 1, 199))
+            one, other = curve[j + 1] - curve[j - 1], y[k + 1] - y[k - 1]
+            cosine = abs(one @ other) / (np.linalg.norm(one) * np.linalg.norm(other))
+            if distances[j] < 5e-3 * lengths[i] and cosine > 0.999:
+                report.hold("retraced", False, f"points {i} and {k} at omega = {branch.parameter[k]:.9g}")
+                return
     report.hold("retraced", True, "")

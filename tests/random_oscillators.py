@@ -86,11 +86,12 @@ class RandomOscillator:
     span: tuple[float, float]
 
     @classmethod
-    def of(cls, seed: int, *, most_dof: int = 6, most_harmonics: int = 25) -> RandomOscillator:
+    def of(cls, seed: int) -> RandomOscillator:
         rng = np.random.default_rng(seed)
-        n = min(int(rng.choice([1, 1, 1, 2, 2, 3, 4, 5, 6])), most_dof)
-        n_harmonics = min(int(rng.choice([1, 2, 3, 5, 5, 7, 7, 9, 13, 25])), most_harmonics)
-        low, high = 0.4, 1.7
+        n = int(rng.choice([1, 1, 1, 1, 2, 2, 2, 3, 3, 4, 5, 6]))
+        n_harmonics = int(rng.choice([1, 2, 3, 3, 5, 5, 5, 7, 7, 9, 13, 25]))
+        low = rng.uniform(0.4, 1.2)
+        high = low + rng.uniform(0.3, 0.9)
         modes = np.linalg.qr(rng.standard_normal((n, n)))[0]
         root = np.diag(rng.uniform(0.7, 1.3, n))
         stiffness = root @ modes @ np.diag(rng.uniform(0.5, 2.0, n) ** 2) @ modes.T @ root

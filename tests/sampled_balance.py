@@ -43,11 +43,10 @@ class SampledBalance:
             if len(a):
                 # L_x (i k w - A)^-1 B (-k^2 w^2), of q_k = a_cos - i a_sin
                 z = out @ np.linalg.solve(1j * k * w * np.eye(len(a)) - a, b) * (-((k * w) ** 2))
-                turn = np.zeros((2, 2, self.m, self.m))
-                c, s = 2 * k - 1, 2 * k
-                turn[0, 0, c, c] = turn[0, 0, s, s] = 1.0
-                turn[1, 0, c, s], turn[1, 0, s, c] = 1.0, -1.0
-                matrix = matrix - np.kron(z.real, turn[0, 0]) - np.kron(z.imag, turn[1, 0])
+                stay, turn, c, s = np.zeros((self.m, self.m)), np.zeros((self.m, self.m)), 2 * k - 1, 2 * k
+                stay[c, c] = stay[s, s] = 1.0
+                turn[c, s], turn[s, c] = 1.0, -1.0
+                matrix = matrix - np.kron(z.real, stay) - np.kron(z.imag, turn)
         return matrix
 
     def motion(self, x, w):
@@ -121,7 +120,7 @@ class SampledBalance:
 
     def fold(self, x, w, steps=12):
         """Omega at the fold near (x, w), or None where Newton's method does not get there."""
-        length, time, force = self.oscillator.units
+        length, _, force = self.oscillator.units
         size, rows, n = max(np.abs(x).max(), 1e-6 * length), force / length, x.size
         null = np.linalg.svd(self.jacobian(x, w))[2][-1]
         for _ in range(steps):
