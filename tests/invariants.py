@@ -57,7 +57,6 @@ def examine(oscillator: RandomOscillator, *, most_points: int = 1500) -> Report:
         try:
             branch = hbnlp.trace(problem, "omega", oscillator.span, method=method, callbacks=[keep])
         except hbnlp.ConvergenceError as error:
-            report.left_out["no start"] += 1
             report.failures.append(("no start", str(error)[:120]))
             return report
         report.points = len(branch)
