@@ -140,3 +140,11 @@ def test_a_branch_that_is_run_through_twice_is_found(bent):
     there = np.concatenate([np.flatnonzero(keep), np.flatnonzero(~keep)[::-1]])
     twice = dataclasses.replace(branch, coefficients=branch.coefficients[there], parameter=branch.parameter[there])
     assert failures(invariants.check_retraced, oscillator, problem, twice)
+
+
+@pytest.mark.filterwarnings("ignore::hbnlp.LinearInstabilityWarning")
+def test_a_point_that_is_not_located_does_not_end_the_trace():
+    """At seed 68 two multipliers meet within the step of a Neimark-Sacker of others: sixty steps of Brent's did not do."""
+    oscillator = RandomOscillator.of(68)
+    branch = hbnlp.trace(oscillator.problem(), "omega", oscillator.span)
+    assert branch.complete
