@@ -144,7 +144,7 @@ def test_a_branch_that_is_run_through_twice_is_found(bent):
 
 @pytest.mark.filterwarnings("ignore::hbnlp.LinearInstabilityWarning")
 def test_a_point_that_is_not_located_does_not_end_the_trace():
-    """At seed 68 two multipliers meet within the step of a Neimark-Sacker of others: sixty steps of Brent's did not do."""
+    """At seed 68 two multipliers meet within the step of a Neimark-Sacker: Brent's method needs over sixty steps."""
     oscillator = RandomOscillator.of(68)
     branch = hbnlp.trace(oscillator.problem(), "omega", oscillator.span)
     assert branch.complete
