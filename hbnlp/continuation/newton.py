@@ -97,6 +97,7 @@ def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correcti
     return settle(curve, found, guess, row, options, factors)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # steps that grow without bound may overflow: that is said as a reason
 def approach(
     curve: Curve,
     guess: Array,
