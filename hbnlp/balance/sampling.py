@@ -112,8 +112,8 @@ class Sampling(FieldsAlone):
         if 2 * self.n_samples > MOST_SAMPLES:
             raise SamplingError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
-                "it is not smooth enough for this tolerance; smooth it, pass n_samples, or, if what jumps depends on tau "
-                "and parameters alone, write it as forcing, where jumps are integrated exactly"
+                "it is not smooth enough for this tolerance; smooth it, pass n_samples, or, if what jumps depends on "
+                "tau and parameters alone, write it as forcing, where jumps are integrated exactly"
             )
         return dataclasses.replace(self, n_samples=2 * self.n_samples, settled=False, automatic=False)
 

@@ -98,6 +98,8 @@ def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correcti
     return settle(curve, found, guess, row, options, factors)
 
 
+# steps that grow beyond all numbers are a result, which says so, and no reason to warn
+@np.errstate(over="ignore", invalid="ignore")
 def approach(
     curve: Curve,
     guess: Array,
