@@ -25,6 +25,8 @@ HIGHEST_DEGREE = 9
 OUTPUT_SAMPLES = 2048
 """Of outputs in a program that are no polynomials of the motion: their harmonics beyond those fold back."""
 MOST_SAMPLES = 8192
+DENSE_SAMPLES = 2048
+"""Of a force that is no polynomial, to check that a few, and twice as many, miss no narrow term."""
 ALIASING_TOL = signals.ALIASING_TOL
 """More samples of the force must not move the residual by more than this, relative to its terms."""
 
@@ -100,6 +102,11 @@ class Sampling(FieldsAlone):
         in_proportion = ceil(self.n_samples * max(1.0, n_harmonics / self.n_harmonics))
         n_samples = max(other.n_samples, min(in_proportion, max(MOST_SAMPLES, self.n_samples)))
         return dataclasses.replace(other, n_samples=n_samples, settled=self.settled, automatic=False)
+
+    def dense(self) -> Sampling:
+        """Return the policy with samples between which nothing wider than 1/2048 of a period is hidden."""
+        n_samples = max(DENSE_SAMPLES, self.n_samples)
+        return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
 
     def doubled(self) -> Sampling:
         """Return the policy with twice the samples of the force, still to be checked.
