@@ -27,6 +27,8 @@ MOST_SAMPLES = 8192
 MOST_HARMONICS = 10_000
 """The Jacobian of one degree of freedom fills 3 GB then."""
 MOST_GIVEN_SAMPLES = 10_000_000
+DENSE_SAMPLES = 2048
+"""Of a force that is no polynomial, to check that a few, and twice as many, miss no narrow term."""
 ALIASING_TOL = signals.ALIASING_TOL
 """More samples of the force must not move the residual by more than this, relative to its terms."""
 
@@ -110,6 +112,11 @@ class Sampling(FieldsAlone):
         """Whether twice the samples of the force are no more than a smooth one would need."""
         return 2 * self.n_samples <= MOST_SAMPLES
 
+    def dense(self) -> Sampling:
+        """Return the policy with samples between which nothing wider than 1/2048 of a period is hidden."""
+        n_samples = max(DENSE_SAMPLES, self.n_samples)
+        return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
+
     def doubled(self) -> Sampling:
         """Return the policy with twice the samples of the force, still to be checked.
 
@@ -121,7 +128,9 @@ class Sampling(FieldsAlone):
         if not self.may_double:
             raise CornerError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
-                "it is not smooth enough for this tolerance, or too steep; smooth it over some width, or pass n_samples"
+                "it is not smooth enough for this tolerance, or too steep; smooth it over some width, pass n_samples, or, "
+                "if what jumps depends on tau and parameters alone, write it as forcing, where jumps are integrated "
+                "exactly"
             )
         return dataclasses.replace(self, n_samples=2 * self.n_samples, settled=False, automatic=False)
 
