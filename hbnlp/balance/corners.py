@@ -44,6 +44,8 @@ class Corner(NamedTuple):
         Of the force; zero for a kink.
     width : float
         Over which it can be rounded and sampled, in units of the quantity.
+    by_phase : bool
+        Whether the quantity is one of tau and parameters alone.
     """
 
     entry: int
@@ -51,15 +53,21 @@ class Corner(NamedTuple):
     phases: tuple[float, ...]
     jump: float
     width: float
+    by_phase: bool
 
     def __str__(self) -> str:
         kind = f"a step of {self.jump:.3g}" if self.jump else "a corner"
         phases = ", ".join(f"{phase:.4g}" for phase in self.phases[:4]) + (", ..." if len(self.phases) > 4 else "")
+        instead = (
+            "; a term of tau and parameters alone belongs into forcing, where jumps are integrated exactly"
+            if self.by_phase
+            else ""
+        )
         return (
             f"nonlinear_force[{self.entry}] has {kind} on this motion at tau = {phases}, where d = {self.quantity} is "
             f"zero: round it over a width in units of d, {self.width:g} or more here, writing "
             "ca.sqrt(d**2 + width**2) for |d|, half of d + ca.sqrt(d**2 + width**2) for max(d, 0), ca.tanh(d / width) "
-            "for sign(d)"
+            f"for sign(d){instead}"
         )
 
 
@@ -104,6 +112,7 @@ class Corners:
             phases=tuple(self._periods * here % (2.0 * np.pi * self._periods)),
             jump=float(steps[entry, k]),
             width=self._width(coefficients, values, of[k]),
+            by_phase=not ca.depends_on(self._switches[of[k]], ca.vertcat(self._system.q, self._system.v)),
         )
 
     def _width(self, coefficients: Array, values: Array, quantity: int) -> float:

@@ -128,9 +128,7 @@ class Sampling(FieldsAlone):
         if not self.may_double:
             raise CornerError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
-                "it is not smooth enough for this tolerance, or too steep; smooth it over some width, pass n_samples, or, "
-                "if what jumps depends on tau and parameters alone, write it as forcing, where jumps are integrated "
-                "exactly"
+                "it is not smooth enough for this tolerance, or too steep; smooth it over some width, or pass n_samples"
             )
         return dataclasses.replace(self, n_samples=2 * self.n_samples, settled=False, automatic=False)
 

@@ -171,10 +171,10 @@ class Tracer(StaysHere):
                 yield self._kept(after, found)
 
     def _steps(self) -> Iterator[tuple[Point, Point]]:
-        """Yield the steps of the walk; where a corner of the force ends it, keep that as the reason."""
+        """Yield the steps of the walk; where a corner or singularity of the force ends it, keep that as the reason."""
         try:
             yield from self._walk
-        except CornerError as error:
+        except (CornerError, NonFiniteError) as error:
             self._corner = str(error)
             return
         if self._walk.stop in (Stop.STEP_TOO_SMALL, Stop.JUMP):

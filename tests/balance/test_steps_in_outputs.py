@@ -40,7 +40,7 @@ def test_a_force_that_jumps_with_tau_alone_is_told_to_be_forcing():
         return System([[1.0]], [[0.2]], [[1.0]], **signals)
 
     jumps = system(nonlinear_force=lambda q, v, tau, p: [0.1 * q[0] ** 3 - 0.1 * ca.sign(ca.sin(tau))])
-    with pytest.raises(hbnlp.ConvergenceError, match="write it as forcing, where jumps are integrated exactly"):
+    with pytest.raises(hbnlp.ConvergenceError, match="belongs into forcing, where jumps are integrated exactly"):
         hbnlp.solve(HarmonicBalance(jumps, 3), at={"omega": 1.1})
     right = system(
         nonlinear_force=lambda q, v, tau, p: [0.1 * q[0] ** 3],

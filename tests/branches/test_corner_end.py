@@ -64,13 +64,10 @@ def test_a_step_at_which_no_step_is_accepted_is_the_reason(n_samples, caplog):
     assert "the trace ended at omega" in caplog.text
 
 
-@pytest.mark.parametrize(
-    ("n_harmonics", "reason"),
-    [(5, "samples a period would be needed"), (9, "round within fewer samples than there are")],
-)
-def test_a_rounding_that_is_too_steep_for_the_samples_is_the_reason(n_harmonics, reason):
+@pytest.mark.parametrize("n_harmonics", [5, 9])
+def test_a_rounding_that_is_too_steep_for_the_samples_is_the_reason(n_harmonics):
     steep = system(lambda q, v, tau, p: [0.1 * ca.tanh((q[0] - p.gap) / 1e-6)])
     branch = hbnlp.trace(hbnlp.HarmonicBalance(steep, n_harmonics), "omega", (0.4, 2.0))
     check_branch(branch)
     assert branch.end is End.CORNER
-    assert reason in branch.message
+    assert "samples a period would be needed" in branch.message

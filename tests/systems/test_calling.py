@@ -85,7 +85,7 @@ def test_functions_of_other_arguments_are_answered():
         system(forcing=lambda t: [ca.cos(t)])
     with pytest.raises(TypeError, match=r"output 'y' takes \(q, v\); it is called with \(s\)"):
         system(outputs={"y": lambda q, v: q[0]})
-    with pytest.raises(TypeError, match=r"forcing is \[1\.0\]; a function of \(tau, p\) is needed"):
+    with pytest.raises(TypeError, match=r"forcing is \[1\.0\]; give a function of \(tau, p\)"):
         system(forcing=[1.0])
     system(lambda q, v, tau, p, stiffness=2.0: [stiffness * q[0] ** 3])
 
