@@ -73,6 +73,11 @@ class Correction:
     reason: str = ""
 
 
+def closeness(options: Newton) -> float:
+    """Return how close, relative to the size of the solution, `approach` means to come."""
+    return float(max(CLOSE * options.tol**0.5, options.tol))
+
+
 def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correction:
     """Return the point of the curve on the plane ``row . (y - guess) = 0``.
 
@@ -121,7 +126,7 @@ def approach(
     scale = curve.scale(y)
     inverse: _Inverse | None = _Inverse(near[0], row, scale, near[1]) if near is not None else None
     factorisations, last, error = 0, np.inf, np.inf
-    roughly = max(CLOSE * options.tol**0.5, options.tol)
+    roughly = closeness(options)
     right = np.zeros(y.size)
     for iteration in range(1, options.max_iterations + 1):
         right[:-1] = curve.residual(y)

@@ -10,9 +10,12 @@ import numpy as np
 
 from hbnlp.continuation.branch_points import BranchPoint
 from hbnlp.continuation.curve import Bordered, Curve, null_vector, relative_residual
-from hbnlp.continuation.newton import Newton, approach, settle
+from hbnlp.continuation.newton import Newton, approach, closeness, settle
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array
+
+MISSED = 10.0
+"""How far, in units of what was meant, a corrector may be off before new factors are made for the tangent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +94,12 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
         return None
     y = correction.y
     scale = curve.scale(y)
+    if np.linalg.norm((y - rough.y) / scale) > MISSED * closeness(options):
+        # farther off than it seemed, as beside a singular point: these factors do not give the tangent of the point
+        factors = Bordered.at(curve, y, base.tangent / base.scale**2)
+        if factors.singular:
+            return None
+        tangent = factors.solve(unit)
     length = float(np.linalg.norm(tangent / scale))
     sign, log_determinant = factors.determinant()
     # det [J; t^T/s^2] from det [J; border]: both rows see the null vector t of J, t.t/s^2 = 1 and border . t = 1 /

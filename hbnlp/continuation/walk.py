@@ -7,14 +7,18 @@ from collections.abc import Callable, Iterator
 from typing import Generic
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from hbnlp.continuation.arclength import C, Continuation, PseudoArclength, Stop, StopContinuation
+from hbnlp.continuation.branch_points import Arc
 from hbnlp.continuation.point import Point, carried
 
 FEWEST_POINTS = 4
 """A curve with fewer points behind it is not looked at for closing on itself."""
 ASIDE = 0.3
 """How far from a step, relative to its length, the first point may lie to be looked at."""
+ON_ARC = 2e-3
+"""How far from the cubic through a step, relative to its length, it may lie where no corrector tells."""
 SAME = 1e-6
 """Distance, relative to the solution, at which the corrected point is the first one again."""
 
@@ -146,7 +150,18 @@ class Walk(Generic[C]):
         if aside > ASIDE * length:
             return None
         again = self._stepper.at(before, ahead)
+        if again is None and self._on_arc(before, after):
+            again = self._origin  # beside a branch point correctors fail
         if again is None or np.linalg.norm((again.y - self._origin.y) / before.scale) > SAME:
             return None
         length = float(np.linalg.norm((again.y - before.y) / before.scale))
         return dataclasses.replace(again, arclength=before.arclength + length)
+
+    def _on_arc(self, before: Point, after: Point) -> bool:
+        """Return whether the first point lies on the cubic through a step."""
+        arc = Arc(before.y, after.y, (before.tangent, after.tangent), before.scale)
+
+        def distance(share: float) -> float:
+            return float(np.linalg.norm((arc.at(share) - self._origin.y) / before.scale))
+
+        return bool(minimize_scalar(distance, bounds=(0.0, 1.0), method="bounded").fun <= ON_ARC * arc.length)

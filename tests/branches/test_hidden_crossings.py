@@ -128,6 +128,17 @@ def test_without_damping_there_are_no_neimark_sackers():
     assert branch.special_points == ()
 
 
+def test_a_tangent_beside_rest_does_not_make_a_fold():
+    """Beside a pitchfork at rest a corrector misses by 4e-9: with its factors the tangent had the wrong sign there."""
+    problem = hbnlp.HarmonicBalance(parametron(), 3)
+    largest = max(hbnlp.find_all(problem, at={"omega": 1.0}), key=lambda s: np.abs(s.coefficients).max())
+    branch = hbnlp.trace(problem, "omega", (0.9, 1.1), start=largest)
+    assert branch.closed
+    assert len(branch.branch_points) == 2
+    np.testing.assert_allclose([fold.value for fold in branch.folds], [1.065897786783] * 2, rtol=1e-10)
+    assert all(fold.refined for fold in branch.folds)
+
+
 def test_a_broken_branch_has_pitchforks_and_no_folds_there():
     problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(damping_ratio=0.05, cubic=1.0, force=2.0), 9)
     symmetric = hbnlp.trace(problem, "omega", (0.6, 1.2))
