@@ -11,8 +11,6 @@ from typing import Any
 
 from tqdm.auto import tqdm
 
-from hbnlp.core.errors import SaveError
-
 logger = logging.getLogger(__name__)
 
 
@@ -78,9 +76,10 @@ class ProgressBar:
 
 
 class Autosave:
-    """Save the result to a file every ``seconds`` and at the end; a failure to write is logged, no more.
+    """Save the result to a file every ``seconds`` and at the end; a save that fails, for whatever reason, ends nothing.
 
-    For all that has a ``save``: branches, sweeps, fold curves and resolved branches.
+    That it failed is logged as a warning, once until a save succeeds; it is tried again when it is time. For all that
+    has a ``save``: branches, sweeps, fold curves and resolved branches.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, seconds: float = 30.0) -> None:
@@ -90,6 +89,7 @@ class Autosave:
         self.seconds = seconds
         self._last = time.monotonic()
         self._task = ""
+        self._failing = False
 
     def __call__(self, progress: Progress) -> None:
         """Save if it is time."""
@@ -101,8 +101,15 @@ class Autosave:
                 )
             self._task = progress.task
         if progress.done or time.monotonic() - self._last >= self.seconds:
-            try:
-                progress.result().save(self.path)
-            except SaveError as error:
-                logger.warning("autosave failed, %s goes on: %s", progress.task, error)
+            self._save(progress)
             self._last = time.monotonic()
+
+    def _save(self, progress: Progress) -> None:
+        try:
+            progress.result().save(self.path)
+        except Exception as error:  # noqa: BLE001 - what was computed is worth more than its file
+            if not self._failing:
+                logger.warning("autosave failed, %s goes on and it is tried again: %s", progress.task, error)
+            self._failing = True
+        else:
+            self._failing = False
