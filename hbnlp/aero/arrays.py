@@ -84,7 +84,7 @@ def _real(name: str, value: ArrayLike | None) -> Array:
     try:
         array = np.array(value)
         number = array.astype(float) if not np.iscomplexobj(array) else None
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
         raise ValueError(f"{name} is not an array of real numbers ({error}); give an array of floats") from error
     if number is None:
         raise ValueError(f"{name} is not an array of real numbers (it is complex); give an array of floats")

@@ -11,7 +11,7 @@ from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification.modal import lag_states
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.core.checks import whole_number
+from hbnlp.core.checks import flag, whole_number
 from hbnlp.core.storage import load_arrays
 
 MOST_MODES = 20
@@ -45,6 +45,7 @@ def flat_plate_re100(n_modes: int = 10, *, full: bool = False) -> AeroROM:
         If ``n_modes`` is not from 0 to 20.
     """
     n = whole_number("n_modes", n_modes, least=0, most=MOST_MODES)
+    flag("full", full)
     if full:
         return _full(n)
     return _reduced(10 if n <= 10 else MOST_MODES).truncated(n)

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
-from hbnlp.aero.arrays import check_finite
 from hbnlp.aero.table import read_table, write_table
-from hbnlp.core.checks import whole_number
+from hbnlp.core.checks import file_name, finite_array, instance_of, real_number, whole_number
 from hbnlp.core.layout import Column, Layout, mapping
 from hbnlp.core.records import loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
@@ -68,10 +67,9 @@ class FrequencyResponse(ReadOnlyArrays):
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        omega = np.array(self.omega, dtype=float)
-        values = np.array(self.values, dtype=complex)
-        static = np.array(self.static, dtype=float)
-        base_load = np.array(self.base_load, dtype=float)
+        omega, values = finite_array("omega", self.omega, (None,)), finite_array("values", self.values, kind=complex)
+        static, base_load = finite_array("static", self.static), finite_array("base_load", self.base_load)
+        instance_of("provenance", self.provenance, Mapping, "a mapping of names to what JSON can write")
         if omega.ndim != 1 or omega.size == 0 or not np.all(omega > 0.0) or not np.all(np.diff(omega) > 0.0):
             raise ValueError(
                 f"omega is {omega!r}; give rising frequencies above zero (the static value goes to static)"
@@ -86,8 +84,6 @@ class FrequencyResponse(ReadOnlyArrays):
                 f"static {static.shape} and base_load {base_load.shape} do not fit values {values.shape}; "
                 f"give {values.shape[1:]} and {values.shape[1:2]}"
             )
-        for name, array in (("values", values), ("static", static), ("base_load", base_load)):
-            check_finite(name, array)
         for name, array in (("omega", omega), ("values", values), ("static", static), ("base_load", base_load)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -117,10 +113,12 @@ class FrequencyResponse(ReadOnlyArrays):
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the response at the frequencies from ``lowest`` to ``highest``, both included."""
+        lowest, highest = real_number("lowest", lowest), real_number("highest", highest)
         inside = (self.omega >= lowest * (1 - 1e-9)) & (self.omega <= highest * (1 + 1e-9))
         if not inside.any():
             raise ValueError(
-                f"no frequency lies in {lowest:g} to {highest:g}; the data span {self.omega[0]:g} to {self.omega[-1]:g}"
+                f"no frequency lies from lowest = {lowest:g} to highest = {highest:g}; "
+                f"give a band of the data, {self.omega[0]:g} to {self.omega[-1]:g}"
             )
         return replace(self, omega=self.omega[inside], values=self.values[inside])
 
@@ -150,10 +148,8 @@ class FrequencyResponse(ReadOnlyArrays):
         other : array_like of complex, shape (m, N+1, N+2)
             Another response at the same frequencies, a ROM's for instance.
         """
-        other = np.asarray(other, dtype=complex)
-        if other.shape != self.values.shape:
-            raise ValueError(f"other has shape {other.shape}; {self.values.shape} is needed")
-        errors: Array = np.linalg.norm(other - self.values, axis=1) / self.column_sizes
+        others: ComplexArray = finite_array("other", other, self.values.shape, kind=complex)
+        errors: Array = np.linalg.norm(others - self.values, axis=1) / self.column_sizes
         return errors
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -176,6 +172,7 @@ class FrequencyResponse(ReadOnlyArrays):
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write a table with the columns omega, load, motion, real, imag; the static value has omega 0."""
+        file_name("path", path)
         write_table(path, np.append(0.0, self.omega), np.concatenate([self.static[None], self.values]))
 
     @classmethod
@@ -197,10 +194,13 @@ class FrequencyResponse(ReadOnlyArrays):
             If the header differs, a cell is no finite number, an entry is missing or given twice, or the static value
             is missing; it names line, column and value.
         """
+        file_name("path", path)
+        base_load = None if base_load is None else finite_array("base_load", base_load, (None,))
+        instance_of("provenance", provenance, Mapping | None, "a mapping of names to what JSON can write")
         omega, values = read_table(path)
         return cls(
             omega=omega[1:], values=values[1:], static=values[0].real,
-            base_load=np.zeros(values.shape[1]) if base_load is None else np.asarray(base_load, dtype=float),
+            base_load=np.zeros(values.shape[1]) if base_load is None else base_load,
             provenance=provenance or {},
         )  # fmt: skip
 

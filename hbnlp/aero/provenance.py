@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbnlp.core.checks import real_number
+from hbnlp.core.checks import interval, real_number, text
 from hbnlp.core.errors import OutsideBandWarning
 from hbnlp.core.types import ComplexArray
 
@@ -37,8 +37,7 @@ class Provenance:
     fit_error: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.source, str):
-            raise TypeError(f"source is {self.source!r}; give text that says what made the ROM")
+        text("source", self.source)
         checked: dict[str, object] = {"incidence": real_number("incidence", self.incidence)}
         if self.reynolds is not None:
             checked["reynolds"] = real_number(
@@ -47,10 +46,7 @@ class Provenance:
         if self.fit_error is not None:
             checked["fit_error"] = real_number("fit_error", self.fit_error, least=0.0, advice=", or None")
         if self.band is not None:
-            band = tuple(real_number("band", edge, least=0.0) for edge in self.band)
-            if len(band) != 2 or band[0] >= band[1]:
-                raise ValueError(f"band is {self.band!r}; give (lowest, highest) angular frequency, lowest < highest")
-            checked["band"] = band
+            checked["band"] = interval("band", self.band, least=0.0, advice=", angular frequencies")
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 

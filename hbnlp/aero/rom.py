@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hbnlp.aero import statespace
 from hbnlp.aero.arrays import ARRAYS, MATRICES, checked_arrays
 from hbnlp.aero.provenance import Provenance
-from hbnlp.core.checks import instance_of, whole_number
+from hbnlp.core.checks import finite_array, instance_of, whole_number
 from hbnlp.core.layout import Column, Layout, mapping
 from hbnlp.core.records import loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
@@ -162,9 +162,7 @@ class AeroROM(ReadOnlyArrays):
         return self._loads_per_motion(s)
 
     def _loads_per_motion(self, s: ArrayLike) -> ComplexArray:
-        points = np.asarray(s, dtype=complex)
-        if not np.all(np.isfinite(points)):
-            raise ValueError(f"s holds {points[~np.isfinite(points)].flat[0]}; only finite values are accepted")
+        points = finite_array("s", s, kind=complex)
         self.provenance.warn_outside_band(points, stacklevel=4)
         z = points[..., np.newaxis, np.newaxis]
         g: ComplexArray = (self.stiffness + z * self.damping + z**2 * self.mass).astype(complex)

@@ -28,9 +28,11 @@ from scipy import special
 
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.core.checks import whole_number
+from hbnlp.core.checks import finite_array, whole_number
 from hbnlp.core.types import Array, ComplexArray
 
+MOST_MODES = 1000
+"""Their coefficients take seconds to compute then."""
 # Jones' approximation of Wagner's function, 1 - .165 exp(-.0455 t) - .335 exp(-.3 t) with t in semi-chords;
 # here the rates are per chord.
 JONES_WEIGHTS = (0.165, 0.335)
@@ -71,8 +73,8 @@ def theodorsen_function(s: ArrayLike) -> ComplexArray:
     ValueError
         If ``s`` is not finite or has a negative real part (C has a branch cut there).
     """
-    points = np.asarray(s, dtype=complex)
-    bad = ~np.isfinite(points) | (points.real < 0.0)
+    points = finite_array("s", s, kind=complex)
+    bad = points.real < 0.0
     if np.any(bad):
         raise ValueError(
             f"s holds {points[bad].flat[0]}; only finite values with a real part that is not negative are accepted "
@@ -102,7 +104,7 @@ def thin_airfoil_coefficients(n_modes: int) -> ThinAirfoilCoefficients:
     ValueError
         If ``n_modes`` is not an integer of at least 0.
     """
-    n_modes = whole_number("n_modes", n_modes, least=0)
+    n_modes = whole_number("n_modes", n_modes, least=0, most=MOST_MODES)
     modes = np.arange(1, n_modes + 1)
     beta = modes * np.pi / 2.0
     # J_n(beta) falls below 1e-20 within this many orders past n = beta
@@ -164,7 +166,8 @@ def theodorsen_transfer(s: ArrayLike, n_modes: int = 10) -> ComplexArray:
         If ``s`` is not finite or has a negative real part, or ``n_modes`` is not an integer of at least 0.
     """
     c = thin_airfoil_coefficients(n_modes)
-    z = np.asarray(s, dtype=complex)[..., np.newaxis, np.newaxis]
+    points: ComplexArray = finite_array("s", s, kind=complex)
+    z = points[..., np.newaxis, np.newaxis]
     wake = theodorsen_function(s)[..., np.newaxis, np.newaxis]
     g: ComplexArray = (c.constant + z * c.linear + z**2 * c.quadratic).astype(complex)
     return g + wake * c.circulatory[:, np.newaxis] * (c.static + z * c.rate)

@@ -46,7 +46,8 @@ def warn_of_switches(system: System, name: str) -> None:
     if switches(system.outputs(*arguments)[index]).numel():
         warnings.warn(
             f"output {name!r} switches, and a program takes its harmonics from {OUTPUT_SAMPLES} samples: those of a "
-            "kink are exact to about 1e-6 of its size, of a step to 1e-3; those of solutions and branches are exact",
+            "kink are exact to about 1e-6 of its size, of a step to 5e-4 of its height for each time it is passed in a "
+            "period; those of solutions and branches are exact",
             AliasingWarning,
             stacklevel=3,
         )

@@ -17,10 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.assembly import Assembly
+from hbnlp.balance.corners import Corner, Corners
 from hbnlp.balance.output_groups import warn_of_switches
 from hbnlp.balance.outputs import Outputs
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
+from hbnlp.core.checks import finite_array, instance_of, whole_number
+from hbnlp.core.errors import CornerError
 from hbnlp.core.kept import Kept, built_once
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array, ComplexArray
@@ -76,8 +79,7 @@ class HarmonicBalance:
     """
 
     def __init__(self, system: System, n_harmonics: int, *, periods: int = 1, n_samples: int | None = None) -> None:
-        if not isinstance(system, System):
-            raise TypeError(f"system is {system!r}; an hbnlp.System is needed")
+        instance_of("system", system, System, "an hbnlp.System")
         self._set_up(system, Sampling.of(system, n_harmonics, periods, n_samples), self)
 
     def _set_up(self, system: System, sampling: Sampling, origin: HarmonicBalance) -> None:
@@ -151,15 +153,36 @@ class HarmonicBalance:
         Raises
         ------
         SamplingError
-            If a smooth force would not need that many.
+            If a smooth force would not need that many; a CornerError, which says where, if it has a corner.
         """
         if self.samples_are_settled:
             return True
-        fine, coarse = (each.assembly.residual(x, values) for each in (self.oversampled(), self))
-        moved = float(np.max(np.abs(fine - coarse)))
-        return moved <= ALIASING_TOL * max(self.assembly.term_size(x, values), float(np.finfo(float).tiny))
+        if not self.sampling.may_double:
+            corner = self.corner(x, values)
+            if corner is not None:
+                raise CornerError(f"{corner}; or pass n_samples, and see what twice as many change")
+        if self.aliasing(x, values) > ALIASING_TOL:
+            return False
+        # what is narrower than a sample lies between those of both; the tail of a kink's harmonics may go on a little
+        dense = self._with(self.sampling.dense())
+        return self._moved_by(dense, x, values) <= 10.0 * ALIASING_TOL
 
-    # -- numbers ----------------------------------------------------------------------------------------------------
+    def aliasing(self, x: Array, values: Array) -> float:
+        """Return by how much twice the samples of the force move the residual, relative to its terms."""
+        return self._moved_by(self.oversampled(), x, values)
+
+    def _moved_by(self, finer: HarmonicBalance, x: Array, values: Array) -> float:
+        fine, coarse = (each.assembly.residual(x, values) for each in (finer, self))
+        size = max(self.assembly.term_size(x, values), float(np.finfo(float).tiny))
+        return float(np.max(np.abs(fine - coarse))) / size
+
+    def corner(self, x: Array, values: Array) -> Corner | None:
+        """Return the worst corner of the force on a motion, x (n (2H+1),) at values (n_parameters,); None without."""
+        return self._corners.worst(x.reshape(self.shape), values)
+
+    @built_once
+    def _corners(self) -> Corners:
+        return Corners(self.system, self.periods)
 
     @built_once
     def assembly(self) -> Assembly:
@@ -168,9 +191,9 @@ class HarmonicBalance:
 
     def vector(self, coefficients: ArrayLike) -> Array:
         """Return coefficients (n, any odd number), cut or padded to 2H+1, as a vector of unknowns."""
-        array = np.asarray(coefficients, dtype=float)
-        if array.ndim != 2 or array.shape[0] != self.shape[0] or array.shape[1] % 2 == 0:
-            raise ValueError(f"coefficients have shape {array.shape}; ({self.shape[0]}, 2H+1) is needed")
+        array = finite_array("coefficients", coefficients, (self.shape[0], None))
+        if array.shape[1] % 2 == 0:
+            raise ValueError(f"coefficients has shape {array.shape}; give an array of shape ({self.shape[0]}, 2H+1)")
         return resize(array, self.n_harmonics).ravel()
 
     def values(self, at: Mapping[str, float] | None = None, **options: Any) -> Array:
@@ -223,7 +246,7 @@ class HarmonicBalance:
 
     def coefficients(self, dof: int) -> ca.MX:
         """Return the symbols a_0, a_1, ... (2H+1,) of one displacement."""
-        length = self.shape[1]
+        length, dof = self.shape[1], whole_number("dof", dof, least=0, most=self.shape[0] - 1)
         return self.x[dof * length : (dof + 1) * length]
 
     def output(self, name: str) -> ca.MX:
@@ -236,8 +259,7 @@ class HarmonicBalance:
 
     def amplitude_squared(self, name: str, harmonic: int = 1) -> ca.MX:
         """Return the squared amplitude of one harmonic (h >= 1) of a named output as an expression of x and p."""
-        if not 1 <= harmonic <= self.n_harmonics:
-            raise ValueError(f"harmonic = {harmonic}; 1 to {self.n_harmonics} are retained")
+        whole_number("harmonic", harmonic, least=1, most=self.n_harmonics, advice=", which are retained")
         return ca.sumsqr(self.output(name)[2 * harmonic - 1 : 2 * harmonic + 1])
 
     def output_harmonics(self, x: ArrayLike, values: ArrayLike) -> ComplexArray:

@@ -10,9 +10,8 @@ import dataclasses
 from dataclasses import dataclass
 from math import ceil
 
-import numpy as np
-
-from hbnlp.core.errors import SamplingError
+from hbnlp.core.checks import whole_number
+from hbnlp.core.errors import CornerError
 from hbnlp.core.kept import built_once
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
@@ -25,6 +24,11 @@ HIGHEST_DEGREE = 9
 OUTPUT_SAMPLES = 2048
 """Of outputs in a program that are no polynomials of the motion: their harmonics beyond those fold back."""
 MOST_SAMPLES = 8192
+MOST_HARMONICS = 10_000
+"""The Jacobian of one degree of freedom fills 3 GB then."""
+MOST_GIVEN_SAMPLES = 10_000_000
+DENSE_SAMPLES = 2048
+"""Of a force that is no polynomial, to check that a few, and twice as many, miss no narrow term."""
 ALIASING_TOL = signals.ALIASING_TOL
 """More samples of the force must not move the residual by more than this, relative to its terms."""
 
@@ -57,8 +61,9 @@ class Sampling(FieldsAlone):
     @classmethod
     def of(cls, system: System, n_harmonics: int, periods: int = 1, n_samples: int | None = None) -> Sampling:
         """Return the policy for a system; ``n_samples``, where given, is what the force takes."""
-        n_harmonics, periods = _whole("n_harmonics", n_harmonics), _whole("periods", periods)
-        given = None if n_samples is None else _whole("n_samples", n_samples)
+        n_harmonics = whole_number("n_harmonics", n_harmonics, least=1, most=MOST_HARMONICS)
+        periods = whole_number("periods", periods, least=1, most=MOST_HARMONICS)
+        given = None if n_samples is None else whole_number("n_samples", n_samples, least=1, most=MOST_GIVEN_SAMPLES)
         policy = cls._automatic(n_harmonics, periods, polynomial_degree(system))
         return policy if given is None else dataclasses.replace(policy, n_samples=given, settled=True, automatic=False)
 
@@ -94,25 +99,36 @@ class Sampling(FieldsAlone):
 
         Where the number of samples was given, or had to be raised, there are no fewer, nor fewer a harmonic.
         """
-        other = Sampling._automatic(_whole("n_harmonics", n_harmonics), self.periods, self.degree)
+        n_harmonics = whole_number("n_harmonics", n_harmonics, least=1, most=MOST_HARMONICS)
+        other = Sampling._automatic(n_harmonics, self.periods, self.degree)
         if self.automatic:
             return other
         in_proportion = ceil(self.n_samples * max(1.0, n_harmonics / self.n_harmonics))
         n_samples = max(other.n_samples, min(in_proportion, max(MOST_SAMPLES, self.n_samples)))
         return dataclasses.replace(other, n_samples=n_samples, settled=self.settled, automatic=False)
 
+    @property
+    def may_double(self) -> bool:
+        """Whether twice the samples of the force are no more than a smooth one would need."""
+        return 2 * self.n_samples <= MOST_SAMPLES
+
+    def dense(self) -> Sampling:
+        """Return the policy with samples between which nothing wider than 1/2048 of a period is hidden."""
+        n_samples = max(DENSE_SAMPLES, self.n_samples)
+        return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
+
     def doubled(self) -> Sampling:
         """Return the policy with twice the samples of the force, still to be checked.
 
         Raises
         ------
-        SamplingError
+        CornerError
             If these are more than a smooth force would need.
         """
-        if 2 * self.n_samples > MOST_SAMPLES:
-            raise SamplingError(
+        if not self.may_double:
+            raise CornerError(
                 f"{2 * self.n_samples} samples a period would be needed for the force, more than {MOST_SAMPLES}: "
-                "it is not smooth enough for this tolerance; smooth it or pass n_samples"
+                "it is not smooth enough for this tolerance, or too steep; smooth it over some width, or pass n_samples"
             )
         return dataclasses.replace(self, n_samples=2 * self.n_samples, settled=False, automatic=False)
 
@@ -120,12 +136,6 @@ class Sampling(FieldsAlone):
 def sufficient_samples(n_harmonics: int, degree: int | None) -> int:
     """Return the samples that are exact for a polynomial force, (d + 1) H + 1, or a start for doubling (d = 7)."""
     return ((7 if degree is None else max(degree, 1)) + 1) * n_harmonics + 1
-
-
-def _whole(name: str, value: int) -> int:
-    if not isinstance(value, int | np.integer) or value < 1:
-        raise ValueError(f"{name} = {value!r}; a whole number of at least 1 is needed")
-    return int(value)
 
 
 def polynomial_degree(system: System) -> int | None:

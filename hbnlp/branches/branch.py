@@ -12,7 +12,8 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import COLUMNS, ROWS, SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
-from hbnlp.core.checks import counted, real_number
+from hbnlp.core.checks import counted, instance_of, place, real_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.layout import (
     Column,
@@ -106,6 +107,7 @@ class Branch(AlongParameter):
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution."""
+        index = place("index", index, len(self))
         return Solution(
             coefficients=self.coefficients[index],
             parameters={
@@ -119,6 +121,7 @@ class Branch(AlongParameter):
             problem=self.problem,
         )
 
+    @interrupts_kept()
     def at(self, value: float) -> tuple[Solution, ...]:
         """Return the solutions at which the branch passes a value of its parameter, in branch order.
 
@@ -230,6 +233,9 @@ class Branch(AlongParameter):
         TypeError
             If ``problem`` is something else.
         """
+        instance_of(
+            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
+        )
         with loaded(path, _LAYOUT) as content:
             content["special_points"] = unpacked(content, problem)
             branch = cls(**content, problem=problem)

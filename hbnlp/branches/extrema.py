@@ -8,12 +8,15 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
+from hbnlp.core.checks import instance_of, two_values, whole_number
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind, Status
 from hbnlp.solutions.ipopt import Ipopt, minimise
 from hbnlp.solutions.solution import Solution, attached, make_solution
 
 
+@interrupts_kept()
 def locate_peak(
     problem: HarmonicBalance,
     output: str,
@@ -45,6 +48,12 @@ def locate_peak(
     ConvergenceError
         If IPOPT finds no maximum there.
     """
+    instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+    instance_of("near", near, Solution, "a Solution, best the largest point of a traced branch")
+    instance_of("method", method, Ipopt | None, "Ipopt(...)")
+    whole_number("index", index, least=0)
+    if bracket is not None:
+        two_values("bracket", bracket, f"values of {name}")
     values = problem.values(near.parameters)
     squared = problem.amplitude_squared(output, harmonic)
     size = max(float(np.abs(near.harmonics(output)[harmonic])), TINY)
@@ -78,6 +87,7 @@ def locate_peak(
     )
 
 
+@interrupts_kept()
 def peaks(
     branch: Branch, output: str, *, harmonic: int = 1, problem: HarmonicBalance | None = None
 ) -> list[SpecialPoint]:
@@ -109,9 +119,12 @@ def peaks(
     ConvergenceError
         If IPOPT does not find one of the maxima.
     """
+    instance_of("branch", branch, Branch, "a Branch, as hbnlp.trace returns it")
+    instance_of(
+        "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the branch"
+    )
     problem = problem or attached(branch, "pass the problem that it was traced with, problem=...")
-    if not 1 <= harmonic <= branch.n_harmonics:
-        raise ValueError(f"harmonic = {harmonic}; 1 to {branch.n_harmonics} are retained")
+    whole_number("harmonic", harmonic, least=1, most=branch.n_harmonics, advice=", which are retained")
     amplitude = np.abs(branch.harmonics(output)[:, harmonic])
     if branch.closed:  # its last point is its first again: the one before stands ahead of the first
         amplitude = np.append(amplitude[-2], amplitude)

@@ -11,6 +11,7 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.arclength import Stop
+from hbnlp.core.checks import instance_of, place
 from hbnlp.core.kinds import FoldEvent
 from hbnlp.core.layout import Column, Layout, counted_from_one, name_in, number, numbers_by_name, pair, table, text
 from hbnlp.core.records import loaded, save_record, values_of
@@ -111,6 +112,7 @@ class FoldBranch:
         ValueError
             If the curve came from a file without its problem, whose outputs are needed.
         """
+        index = place("index", index, len(self.first))
         problem, motion = attached(self, "load the curve with problem=..."), self._motion(index)
         return make_solution(problem, motion.coefficients.ravel(), problem.values(motion.parameters))
 
@@ -166,6 +168,7 @@ class FoldBranch:
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> FoldBranch:
         """Return the curve from a file that `save` wrote, with its problem if that is given; see `Branch.load`."""
+        instance_of("problem", problem, HarmonicBalance | None, "the HarmonicBalance of the record, or None")
         with loaded(path, _LAYOUT) as content:
             coefficients = content.pop("event_coefficients")
             content["events"] = tuple(

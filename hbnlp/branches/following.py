@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -18,8 +18,9 @@ from hbnlp.continuation.newton import Newton, correct
 from hbnlp.continuation.point import Point, start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, list_of_callables
+from hbnlp.core.checks import instance_of, list_of_callables, refused
 from hbnlp.core.errors import ConvergenceError, SamplingError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.tasks import Ending, Report, drive
@@ -30,6 +31,7 @@ from hbnlp.solutions.solution import attached
 from hbnlp.systems.parameters import ParameterSet
 
 
+@interrupts_kept(returns=True)
 def follow(
     point: SpecialPoint,
     name: str,
@@ -84,8 +86,8 @@ def follow(
     values = problem.values(point.solution.parameters)
     place = (float(values[index(own)]), float(values[index(name)]))
     spans = [
-        _span_around(given, value, each, problem.system.parameters)
-        for given, value, each in zip((limits, span), place, (own, name), strict=True)
+        _span_around(what, given, value, each, problem.system.parameters)
+        for what, given, value, each in zip(("limits", "span"), (limits, span), place, (own, name), strict=True)
     ]
     x = problem.vector(point.solution.coefficients)
     curve, y = _fold_on_its_curve(along_folds(problem, x, values, own, name, spans=spans), point, place)
@@ -129,16 +131,14 @@ def _fold_on_its_curve(curve: Equations, fold: SpecialPoint, place: tuple[float,
 
 
 def _span_around(
-    span: tuple[float, float] | None, value: float, name: str, parameters: ParameterSet
+    what: str, span: tuple[float, float] | None, value: float, name: str, parameters: ParameterSet
 ) -> tuple[float, float]:
     if span is None:
         reach = 10.0 * abs(value) or 1.0
         span = (value / 10.0, reach) if value > 0.0 else (-reach, value / 10.0 if value else reach)
-    if not isinstance(span, Sequence | np.ndarray) or len(span) != 2:
-        raise ValueError(f"the span of {name} is {span!r}; give two values, the lowest and the highest")
-    low, high = sorted(parameters.span(name, span, what=f"the span of {name}"))
+    low, high = sorted(parameters.span(name, span, what=what))
     if not low <= value <= high:
-        raise ValueError(f"the fold lies at {name} = {value:g}, outside of {span!r}")
+        raise refused(ValueError, what, span, f"values on both sides of the fold, at {name} = {value:g}")
     return low, high
 
 
@@ -167,7 +167,7 @@ def _both_ways(
                 side.end = FIRST_SPAN
             elif walk.stop is not None:
                 side.end = _words(walk.stop)
-            counts = {"folds": sum(len(s.points) for s in sides), "events": sum(len(s.events) for s in sides)}
+            counts = {"folds": sum(len(s.points) for s in sides) - 1, "events": sum(len(s.events) for s in sides)}
             yield Report(after.value, 0.5 * sum(bool(s.end) for s in sides), counts)
             if side.end:
                 break

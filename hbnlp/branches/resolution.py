@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.balance.sampling import MOST_HARMONICS
 from hbnlp.branches.branch import Branch
 from hbnlp.continuation.newton import Newton, correct
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, real_number, whole_number
+from hbnlp.core.checks import instance_of, list_of_callables, place, real_number, whole_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Layout, counted_from_one, number, numbers_by_name, text, texts
 from hbnlp.core.records import AlongParameter, loaded, save_record
@@ -81,6 +83,7 @@ class ResolvedBranch(AlongParameter):
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution with its own number of harmonics."""
+        index = place("index", index, len(self))
         n_harmonics = int(self.n_harmonics[index])
         found = bool(np.isfinite(self.truncation_error[index]))
         return Solution(
@@ -106,6 +109,9 @@ class ResolvedBranch(AlongParameter):
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> ResolvedBranch:
         """Return what `save` wrote, with its problem (of any harmonics) if that is given: see `Branch.load`."""
+        instance_of(
+            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
+        )
         with loaded(path, _LAYOUT) as content:
             resolved = cls(**content)
         found = np.flatnonzero(np.isfinite(resolved.truncation_error))
@@ -148,6 +154,7 @@ _LAYOUT = Layout(
 )
 
 
+@interrupts_kept(returns=True)
 def resolve_harmonics(
     branch: Branch,
     tolerance: float,
@@ -181,11 +188,12 @@ def resolve_harmonics(
     ValueError
         For a tolerance that is not between 0 and 1, numbers out of order, or a branch from a file.
     """
-    real_number("tolerance", tolerance, above=0.0)
-    if tolerance >= 1.0:
-        raise ValueError(f"tolerance = {tolerance!r}; a relative error below 1 is needed")
-    whole_number("least", least, least=1)
-    whole_number("at_most", at_most, least=least)
+    instance_of("branch", branch, Branch, "a Branch, as hbnlp.trace returns it")
+    instance_of("method", method, Newton | None, "Newton(...)")
+    list_of_callables("callbacks", callbacks)
+    real_number("tolerance", tolerance, above=0.0, below=1.0)
+    whole_number("least", least, least=1, most=MOST_HARMONICS)
+    whole_number("at_most", at_most, least=least, most=MOST_HARMONICS)
     problem = attached(branch)
     if len(branch) < 2:
         raise ValueError("the branch has a single point, and so no direction; trace two points or more")

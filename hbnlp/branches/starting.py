@@ -30,7 +30,8 @@ Span = tuple[float, float]
 class Start(NamedTuple):
     """Where a trace begins: its curve, the first point with its tangent, and where the whole branch began.
 
-    ``step`` is the length to try first, None for that of the options.
+    ``step`` is the length to try first, None for that of the options: of a branch that is resumed its last step; of a
+    solution that was switched to the way from its origin, which is short where special points crowd, if that is less.
     """
 
     curve: Equations
@@ -54,11 +55,12 @@ def fresh_start(
     """
     curve, first = _first(problem, name, span, at, start)
     heading = direction * np.sign(span[1] - span[0]) * curve.unknowns.fixing_last()
-    origin = start.origin if isinstance(start, Solution) else None
+    origin, step = start.origin if isinstance(start, Solution) else None, None
     if origin is not None:
         heading = first - curve.point(_coefficients(curve.problem, origin), origin.parameters[name])
+        step = float(np.linalg.norm(heading / curve.scale(first)))
     point = start_point(curve, first, heading)
-    return Start(curve, point, point)
+    return Start(curve, point, point, step)
 
 
 def resumed_start(

@@ -7,17 +7,19 @@ import dataclasses
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.departing import Crossing, over_two_periods
+from hbnlp.branches.doubling import doubled
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.continuation.curve import TINY, null_vector
-from hbnlp.continuation.newton import Newton, correct
-from hbnlp.core.checks import instance_of
+from hbnlp.continuation.curve import TINY
+from hbnlp.core.checks import instance_of, real_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import fewer_arguments, renamed_arguments
-from hbnlp.core.types import Array
-from hbnlp.fourier import stretch
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.sizes import size_of_nonlinearity
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution, attached, guess_for
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import FloquetResult
 
 AT_REST = 1e-3
 """A motion smaller than this part of the nonlinear ones is rest."""
@@ -25,6 +27,7 @@ AT_REST = 1e-3
 
 @renamed_arguments(special="point", name="switch_branch(point): it knows its parameter")
 @fewer_arguments(1, "switch_branch(point): a special point knows its problem and its parameter")
+@interrupts_kept()
 def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution, ...]:
     """Return starts on the branch that crosses at a special point, one to each side of it.
 
@@ -35,13 +38,14 @@ def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution,
     point : SpecialPoint
         A branch point, or a period doubling: the new branch then has twice the period, ``start.problem.periods``.
     step : float
-        Distance from the special point, relative to the size of the solution.
+        Largest distance from the special point, relative to the size of the solution. The starts lie nearer where the
+        new branch has turned, or a multiplier moved, so far by then that another special point might lie in between.
 
     Returns
     -------
     tuple of Solution
         Two, or fewer where the corrector fails; the two sides of a symmetry-breaking branch are mirror images. Their
-        ``origin`` is the point's solution.
+        ``origin`` is the solution at the point, at a period doubling where the new balance has it.
 
     Raises
     ------
@@ -52,38 +56,36 @@ def switch_branch(point: SpecialPoint, *, step: float = 0.02) -> tuple[Solution,
     """
     instance_of("point", point, SpecialPoint, "a special point of a branch, such as branch.branch_points[0]")
     problem = attached(point, "load its branch with problem=...")
-    if not 0.0 < step < 1.0:
-        raise ValueError(f"step = {step!r}; a length between 0 and 1 is needed")
-    values = problem.values(point.solution.parameters)
+    real_number("step", step, above=0.0, below=1.0)
     if point.kind is Kind.BRANCH_POINT and point.null is not None:
-        origin, direction = point.solution.coefficients, point.null
+        solution, direction = point.solution, point.null
     elif point.kind is Kind.PERIOD_DOUBLING:
-        problem, origin, direction = _doubled(problem, point, values)
+        problem, solution, direction = doubled(point)
     else:
         raise ValueError(f"no branch crosses at a {point.kind.value}; a branch point or a period doubling is needed")
+    origin = guess_for(problem, solution).reshape(problem.shape)
+    values = problem.values(solution.parameters)
     floor = size_of_nonlinearity(problem, origin.ravel(), direction.ravel(), values)
     at_rest = float(np.linalg.norm(origin)) <= AT_REST * floor
     curve = along_parameter(problem, values, point.name, floor=floor if at_rest else TINY)
     base = curve.point(origin, values[problem.system.parameters.index(point.name)])
-    scale = curve.scale(base)
     tangent = curve.point(direction, 0.0)
-    tangent /= np.linalg.norm(tangent / scale)
-    starts = []
-    for sign in (1.0, -1.0):
-        found = correct(curve, base + sign * step * tangent, tangent / scale**2, Newton())
-        if found.converged:
-            start = curve.solution(found.y, start="switched")
-            starts.append(dataclasses.replace(start, origin=point.solution))
-    return tuple(starts)
+    tangent /= np.linalg.norm(tangent / curve.scale(base))
+    evaluator, floquet = _stability(problem, point)
+    crossing = Crossing(curve=curve, base=base, tangent=tangent, evaluator=evaluator, floquet=floquet)
+    first, length = crossing.enter(step, 1.0)
+    # a motion that repeats itself less often, or has lost a symmetry, has an image on the other side, as far away
+    alike = first is not None and (point.kind is Kind.PERIOD_DOUBLING or point.breaks is not None)
+    second = crossing.at(length, -1.0) if alike else crossing.enter(step, -1.0)[0]
+    starts = [curve.solution(y, start="switched") for y in (first, second) if y is not None]
+    return tuple(dataclasses.replace(start, origin=solution) for start in starts)
 
 
-def _doubled(problem: HarmonicBalance, point: SpecialPoint, values: Array) -> tuple[HarmonicBalance, Array, Array]:
-    """Return the balance over twice the period, the solution in it, and the null vector that appears there."""
-    doubled = HarmonicBalance(problem.system, 2 * problem.n_harmonics, periods=2 * problem.periods)
-    coefficients = stretch(point.solution.coefficients, 2)
-    # the critical mode consists of odd harmonics, on which the solution itself has no part
-    odd = (np.arange(doubled.shape[1]) + 1) // 2 % 2 == 1
-    keep = np.tile(odd, doubled.shape[0])
-    null = np.zeros(doubled.size)
-    null[keep] = null_vector(doubled.assembly.jacobian(coefficients.ravel(), values)[np.ix_(keep, keep)])
-    return doubled, coefficients, null.reshape(doubled.shape)
+def _stability(problem: HarmonicBalance, point: SpecialPoint) -> tuple[FloquetEvaluator | None, FloquetResult | None]:
+    """Return how multipliers on the new branch are had, and those at its beginning; None where stability was off."""
+    if point.multiplier is None:
+        return None, None
+    own = attached(point)
+    values = own.values(point.solution.parameters)
+    floquet = FloquetEvaluator.of(own)(point.solution.coefficients, values)
+    return FloquetEvaluator.of(problem), floquet if problem.periods == own.periods else over_two_periods(floquet)

@@ -18,12 +18,13 @@ from hbnlp.branches.starting import fresh_start, resumed_start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.point import Point
 from hbnlp.continuation.walk import Walk
-from hbnlp.core.checks import instance_of
-from hbnlp.core.errors import NonFiniteError
-from hbnlp.core.interrupts import guarded
+from hbnlp.core.checks import instance_of, refused
+from hbnlp.core.errors import CornerError, NonFiniteError
+from hbnlp.core.interrupts import guarded, interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
+from hbnlp.core.types import Array
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
@@ -31,6 +32,13 @@ from hbnlp.systems.linear_stability import check_linear_stability
 
 DEFAULT_STABILITY = Floquet()
 AWAY_FROM = "hbnlp.trace(start, ...): a start from switch_branch knows where it leads away from, its origin"
+
+ROUGH = 1e-4
+"""Twice the samples of a smooth force do not move the residual by more than this part of its terms, over one step."""
+STEEP = (
+    "nonlinear_force turns round within fewer samples than there are on this motion: round it over a larger width, or "
+    "pass n_samples"
+)
 
 _ENDS = {
     Stop.CLOSED: End.CLOSED,
@@ -55,6 +63,7 @@ class Tracer(StaysHere):
     _instead = "it is a walk under way; send its branch(), and resume that with hbnlp.trace(..., resume=branch)"
 
     @renamed_arguments(problem="subject", away_from=AWAY_FROM)
+    @interrupts_kept()
     def __init__(
         self,
         subject: HarmonicBalance | Solution,
@@ -75,15 +84,18 @@ class Tracer(StaysHere):
         self.name = name
         self.span = problem.system.parameters.span(name, span)
         self.options = method or PseudoArclength()
-        if direction not in (1, -1):
-            raise ValueError(f"direction = {direction!r}; 1 (towards the end of the span) or -1 is needed")
+        if not isinstance(direction, int) or isinstance(direction, bool) or direction not in (1, -1):
+            raise refused(ValueError, "direction", direction, "1 (towards the end of the span) or -1")
         self._records: list[Traced] = []
         self._resumed = resume
+        self._corner = ""
         self._n_folds = len(resume.folds) if resume is not None else 0
         if resume is not None:
             begin = resumed_start(problem, name, self.span, resume, at=at, direction=direction, stability=stability)
         else:
             begin = fresh_start(problem, name, self.span, at=at, start=start, direction=direction)
+        # that of the last point: the walk may be on a finer one already, for a step that it does not come to make
+        self._curve = begin.curve
         self._last = begin.point
         self._moved: Traced | None = None
         evaluator = None if stability is None else FloquetEvaluator.of(problem, stability)
@@ -100,7 +112,7 @@ class Tracer(StaysHere):
             n_points=len(resume) if resume is not None else 1,
         )
         if begin.step is not None:
-            self._walk.step = begin.step
+            self._walk.step = begin.step if resume is not None else min(begin.step, self.options.step)
         if resume is None:
             self._check_fresh(begin.point)
 
@@ -111,7 +123,7 @@ class Tracer(StaysHere):
     @property
     def problem(self) -> HarmonicBalance:
         """The problem, with the samples of the force that the last point takes."""
-        return self._walk.curve.problem
+        return self._curve.problem
 
     @property
     def end(self) -> End | None:
@@ -120,6 +132,8 @@ class Tracer(StaysHere):
             return End.CLOSED
         if self._walk.stop is Stop.LIMIT:
             return End.SPAN_END if self._walk.point.value == self.span[1] else End.SPAN_START
+        if self._corner:
+            return End.CORNER
         return _ENDS[self._walk.stop] if self._walk.stop is not None else None
 
     @property
@@ -137,10 +151,10 @@ class Tracer(StaysHere):
         reason = end or self.end or End.STOPPED
         return make_branch(
             self._records,
-            self._walk.curve,
+            self._curve,
             self.span,
             end=reason,
-            message=message or reason.value,
+            message=message or (self._corner if reason is End.CORNER else reason.value),
             refused=self._walk.refused,
             resumed=self._resumed,
             moved=self._moved,
@@ -150,17 +164,40 @@ class Tracer(StaysHere):
         if not self._records and self._resumed is None:
             yield self._kept(self._walk.point, ())
         if self.end is None:
-            for before, after in self._walk:
+            for before, after in self._steps():
                 if before is not self._last:
                     self._correct(before)
                 found = self._detector.between(self._walk.curve, before, after, self.n_points - 1)
                 yield self._kept(after, found)
 
+    def _steps(self) -> Iterator[tuple[Point, Point]]:
+        """Yield the steps of the walk; where a corner or singularity of the force ends it, keep that as the reason."""
+        try:
+            yield from self._walk
+        except (CornerError, NonFiniteError) as error:
+            self._corner = str(error)
+            return
+        if self._walk.stop in (Stop.STEP_TOO_SMALL, Stop.JUMP):
+            last = self._walk.point
+            # the step that failed may have been the one onto the corner
+            reasons = [self._rough(y) for y in (last.y, last.y + self.options.step * last.tangent)]
+            self._corner = next((f"{self._walk.stop.value}; perhaps because {each}" for each in reasons if each), "")
+
+    def _rough(self, y: Array) -> str:
+        """Return what is not smooth in the force on a motion; nothing where it is."""
+        curve = self._walk.curve
+        problem, x, values = curve.problem, curve.unknowns.coefficients(y), curve.values(y)
+        corner = problem.corner(x, values)
+        if corner is not None:
+            return str(corner)
+        steep = problem.sampling.may_double and problem.aliasing(x, values) > ROUGH
+        return STEEP if steep else ""
+
     def _kept(self, point: Point, special_points: tuple[SpecialPoint, ...]) -> Traced:
         curve = self._walk.curve
         floquet = self._detector.multipliers(curve, point)
         self._records.append(Traced(point=point, curve=curve, floquet=floquet, special_points=special_points))
-        self._last = point
+        self._last, self._curve = point, curve
         self._n_folds += sum(found.kind is Kind.FOLD for found in special_points)
         return self._records[-1]
 

@@ -14,6 +14,7 @@ from hbnlp.branches.tracer import AWAY_FROM, DEFAULT_STABILITY, Tracer
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import list_of_callables
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.tasks import INTERRUPTED, STOPPED, Ending, Report, drive
@@ -24,6 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 @renamed_arguments(problem="subject", away_from=AWAY_FROM)
+@interrupts_kept(returns=True)
 def trace(
     subject: HarmonicBalance | Solution,
     name: str,
@@ -108,7 +110,7 @@ def trace(
         return tracer.branch({INTERRUPTED: End.INTERRUPTED, STOPPED: End.STOPPED}.get(ending))
 
     branch = drive(f"tracing {name}", work(), result, name=name, callbacks=callbacks)
-    if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.MAX_POINTS):
+    if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.CORNER, End.MAX_POINTS):
         logger.warning("the trace ended at %s = %.8g: %s", name, branch.parameter[-1], branch.message)
     return branch
 

@@ -16,6 +16,7 @@ from hbnlp.continuation.branch_points import Arc, BranchPoint, branch_point_on
 from hbnlp.continuation.curve import Curve
 from hbnlp.continuation.dips import Sample, crossing_in
 from hbnlp.continuation.newton import Newton
+from hbnlp.continuation.pencil import singular_places
 from hbnlp.continuation.point import Point
 from hbnlp.core.types import Array
 
@@ -92,7 +93,11 @@ def accepted(
 
 
 def _hidden(before: Point | None, base: Point, trial: Point, at: Callable[[float], Point | None]) -> float | None:
-    """Return a step's length at which the determinant has another sign than at both its ends, or None."""
+    """Return a step's length at which the determinant has another sign than at both its ends, or None.
+
+    It shows by a dip of the determinant, where one eigenvalue crosses zero and returns, or two do close to each other;
+    or by the matrices at the ends, where two eigenvalues cross one after the other.
+    """
     whole = float(base.tangent / base.scale**2 @ (trial.y - base.y))
 
     def sample(place: float, point: Point) -> Sample:
@@ -105,7 +110,20 @@ def _hidden(before: Point | None, base: Point, trial: Point, at: Callable[[float
     earlier = None
     if before is not None:
         earlier = sample(before.arclength - base.arclength, before)
-    return crossing_in(earlier, sample(0.0, base), sample(whole, trial), look)
+    dip = crossing_in(earlier, sample(0.0, base), sample(whole, trial), look)
+    return dip if dip is not None else _between_two(base, trial, whole, look)
+
+
+def _between_two(base: Point, trial: Point, whole: float, look: Callable[[float], Sample | None]) -> float | None:
+    """Return a step's length that leads between two singular points of the straight way from end to end, or None."""
+    if base.factors is None or trial.factors is None:
+        return None
+    places = singular_places(base.factors, trial.factors, base.scale)
+    if len(places) < 2:
+        return None
+    between = 0.5 * (places[0] + places[1]) * whole
+    seen = look(between)
+    return between if seen is not None and seen.sign != base.orientation else None
 
 
 def _turns_smoothly(base: Point, trial: Point, at: Callable[[float], Point | None]) -> bool:

@@ -19,6 +19,7 @@ from hbnlp.continuation.acceptance import REFUSED, accepted
 from hbnlp.continuation.curve import Curve
 from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import Point, carried, finish
+from hbnlp.core.checks import instance_of, real_number, whole_number
 from hbnlp.core.types import Array
 
 MANY_ITERATIONS = 6
@@ -49,15 +50,12 @@ class PseudoArclength:
     newton: Newton = field(default_factory=lambda: Newton(max_iterations=8))
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.min_step <= self.step <= self.max_step:
-            raise ValueError(
-                f"min_step = {self.min_step!r}, step = {self.step!r}, max_step = {self.max_step!r}; "
-                "0 < min_step <= step <= max_step is needed"
-            )
-        if not 0.0 < self.angle <= 40.0:
-            raise ValueError(f"angle = {self.angle!r}; between 0 and 40 degrees are accepted")
-        if self.max_points < 2:
-            raise ValueError(f"max_points = {self.max_points!r}; at least 2 are needed")
+        largest = real_number("max_step", self.max_step, above=0.0)
+        step = real_number("step", self.step, above=0.0, most=largest, advice=", the max_step")
+        real_number("min_step", self.min_step, above=0.0, most=step, advice=", the first step")
+        real_number("angle", self.angle, above=0.0, most=40.0, advice=", in degrees")
+        whole_number("max_points", self.max_points, least=2)
+        instance_of("newton", self.newton, Newton, "Newton(...)")
 
 
 class Stop(enum.Enum):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from hbnlp.core.types import Array
 
@@ -54,6 +54,12 @@ class Bordered:
         curve.jacobian(y, matrix[:-1])
         matrix[-1] = row
         return cls(matrix)
+
+    def product(self, vector: Array) -> Array:
+        """Return the product of the matrix itself with a vector (size,), from its factors."""
+        permuted = lapack.dlaswp(vector[:, None], self._pivots)[:, 0]
+        lower = blas.dtrmv(self._lu, permuted, lower=1, trans=1, diag=1)
+        return np.asarray(blas.dtrmv(self._lu, lower, trans=1))
 
     def solve(self, right: Array) -> Array:
         """Return the solution for the right side (size,) or (size, k)."""

@@ -19,6 +19,10 @@ def between(curve: Curve, base: Point, end: Point, share: float, newton: Newton)
     return finish(curve, arc.at(share), base.tangent / base.scale**2, base, newton)
 
 
+MOST_HALVINGS = 200
+"""Brent's method may need several times those of bisection, forty, where a test is flat or steep."""
+
+
 def locate(curve: Curve, base: Point, end: Point, test: Callable[[Point], float], newton: Newton) -> Point | None:
     """Return the point between two others where ``test`` vanishes, by Brent's method along the tangent of ``base``.
 
@@ -42,8 +46,11 @@ def locate(curve: Curve, base: Point, end: Point, test: Callable[[Point], float]
         return found[step]
 
     try:
-        root = brentq(along, 0.0, length, xtol=1e-12 * length, rtol=8.9e-16, maxiter=60)
-    except ArithmeticError:
+        root = brentq(along, 0.0, length, xtol=1e-12 * length, rtol=8.9e-16, maxiter=MOST_HALVINGS)
+    except (
+        ArithmeticError,
+        RuntimeError,
+    ):  # the latter is brentq's: the sign changes in a step, or over a flat stretch
         return None
     signs = np.sign(found[0.0])
     left = max((s for s in found if s <= root and found[s] * signs > 0.0), default=0.0)

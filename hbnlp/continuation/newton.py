@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hbnlp.continuation.curve import TINY, Bordered, Curve
+from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.types import Array
 
 LARGEST_RESIDUAL = 1e-6
@@ -55,10 +56,8 @@ class Newton:
     max_iterations: int = 20
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tol < 1e-2:
-            raise ValueError(f"tol = {self.tol!r}; a relative tolerance between 0 and 0.01 is needed")
-        if self.max_iterations < 1:
-            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+        real_number("tol", self.tol, above=0.0, below=1e-2)
+        whole_number("max_iterations", self.max_iterations, least=1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +97,7 @@ def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correcti
     return settle(curve, found, guess, row, options, factors)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # steps that grow without bound may overflow: that is said as a reason
 def approach(
     curve: Curve,
     guess: Array,
@@ -190,7 +190,9 @@ def settle(
             settled = dataclasses.replace(found, y=y, iterations=iteration, error=error)
             return _balanced(settled, float(np.abs(right).max()) / terms)
         y += step
-    return _failed(y, found.iterations, found.factorisations, error, f"no convergence to {options.tol:g}")
+    return _failed(
+        y, found.iterations, found.factorisations, error, f"no convergence to {options.tol:g}, {error:.1e} remain"
+    )
 
 
 def _balanced(found: Correction, residual: float) -> Correction:

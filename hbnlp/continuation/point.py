@@ -17,7 +17,10 @@ from hbnlp.core.types import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """A converged point of a curve, with its unit tangent in the metric ``scale`` and what the factors tell."""
+    """A converged point of a curve, with its unit tangent in the metric ``scale`` and what the factors tell.
+
+    ``iterations`` are the steps with factors of the point before: they tell whether the predictor was good.
+    """
 
     y: Array
     tangent: Array
@@ -99,7 +102,7 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
         orientation=sign,
         log_determinant=log_determinant + float(np.log(length)),
         residual=correction.residual,
-        iterations=correction.iterations,
+        iterations=rough.iterations,
         factorisations=correction.factorisations + 1,
         factors=factors,
     )

@@ -11,6 +11,9 @@ from typing import Any
 
 from tqdm.auto import tqdm
 
+from hbnlp.core.checks import real_number
+from hbnlp.core.storage import archive_name
+
 logger = logging.getLogger(__name__)
 
 
@@ -83,8 +86,8 @@ class Autosave:
     """
 
     def __init__(self, path: str | os.PathLike[str], *, seconds: float = 30.0) -> None:
-        if seconds <= 0.0:
-            raise ValueError(f"seconds = {seconds!r}; a positive time between two saves is needed")
+        archive_name("path", path)
+        real_number("seconds", seconds, above=0.0, advice=", the time between two saves")
         self.path = path
         self.seconds = seconds
         self._last = time.monotonic()

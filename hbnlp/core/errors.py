@@ -46,6 +46,10 @@ class SamplingError(HbnlpError, ValueError):
     """A force would take more samples a period than a smooth one needs, or a forcing or motion is not smooth enough."""
 
 
+class CornerError(SamplingError):
+    """A force has a step or a corner on the motion, or is nearly as steep: no number of samples is enough."""
+
+
 class SaveError(HbnlpError, OSError):
     """A file could not be written; nothing in memory was lost and no older file was touched."""
 

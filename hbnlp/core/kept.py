@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable
 from functools import cached_property, wraps  # noqa: TID251
 from typing import Any, Generic, ParamSpec, Self, TypeVar, overload
 
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.locks import lasting_lock
 
 T = TypeVar("T")
@@ -22,12 +23,13 @@ _LOOKING, _BUILDING = lasting_lock(), lasting_lock()
 def by_one_thread(build: Callable[P, T]) -> Callable[P, T]:
     """Return a function that one thread at a time is in, together with all else that is built.
 
-    CasADi's functions may be evaluated by many threads; where two make some at once, the process may end.
+    CasADi's functions may be evaluated by many threads; where two make some at once, the process may end. Ctrl-C waits
+    until it is built: CasADi swallows what is raised while it looks what kind of thing it was given.
     """
 
     @wraps(build)
     def alone(*arguments: P.args, **options: P.kwargs) -> T:
-        with _BUILDING:
+        with _BUILDING, interrupts_kept():
             return build(*arguments, **options)
 
     return alone
@@ -47,7 +49,7 @@ class Kept(Generic[T]):
         """Return the object of this key, from ``build`` if there is none."""
         found = self._found(key)
         if not found:
-            with _BUILDING:
+            with _BUILDING, interrupts_kept():
                 found = self._found(key) or self._added(key, build())
         return found[0]
 
@@ -85,5 +87,5 @@ class built_once(cached_property[T]):  # noqa: N801
         """Return the attribute, the same for all threads."""
         if instance is None:
             return self
-        with _BUILDING:
+        with _BUILDING, interrupts_kept():
             return super().__get__(instance, owner)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import enum
 
+from hbnlp.core.checks import refused
+
 
 class Status(enum.Enum):
     """What became of a solve; the text carries the remedy."""
@@ -46,7 +48,7 @@ class Kind(enum.Enum):
             if isinstance(kind, str) and kind.casefold() in {each.value.casefold(), *(c.casefold() for c in codes)}:
                 return each
         known = ", ".join(f"{each.value!r} ({' or '.join(codes)})" for each, codes in _CODES.items())
-        raise ValueError(f"kind is {kind!r}; give a Kind, or one of {known}")
+        raise refused(ValueError, "kind", kind, f"a Kind, or one of {known}")
 
 
 _CODES = {
@@ -72,6 +74,7 @@ class End(enum.Enum):
     JUMP = (
         "every step, however small, would jump to another branch or turn back; another start on the far side may go on"
     )
+    CORNER = "the force is not smooth on the motion, a step, a corner or nearly as steep: round it over a width"
     INTERRUPTED = "interrupted; resume it"
     ERROR = "an error was raised"
     STOPPED = "stopped by a callback; resume it"
@@ -93,6 +96,6 @@ class FoldEvent(enum.Enum):
     def of(cls, kind: FoldEvent | str) -> FoldEvent:
         """Return an event by its word; a ValueError names those that are known."""
         for each in cls:
-            if kind is each or kind == each.value:
+            if kind is each or (isinstance(kind, str) and kind == each.value):
                 return each
-        raise ValueError(f"kind is {kind!r}; give a FoldEvent, or one of {', '.join(repr(each.value) for each in cls)}")
+        raise refused(ValueError, "kind", kind, f"a FoldEvent, or one of {', '.join(repr(each.value) for each in cls)}")

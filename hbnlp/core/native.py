@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 
 import casadi as ca
 
+from hbnlp.core.interrupts import check_interrupts
 from hbnlp.core.types import Array
 
 T = TypeVar("T")
@@ -47,6 +48,7 @@ def bound(function: ca.Function, arguments: Sequence[Array], results: Sequence[A
     # CasADi keeps bare pointers: buffer, function and arrays must live as long as the trigger.
     def evaluate(_kept: tuple[Any, ...] = (buffer, function, [*arguments], [*results])) -> None:
         trigger()
+        check_interrupts()
 
     return evaluate
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import functools
-from collections.abc import Callable, Mapping
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
@@ -13,15 +15,20 @@ R = TypeVar("R")
 def renamed_arguments(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return a decorator for a function whose arguments have other names now: ``renamed_arguments(guess="start")``.
 
-    What stands for the new name is put into the message as it is, so that it may be a sentence.
+    What stands for the new name is put into the message as it is, so that it may be a sentence. Of a name that is not
+    known the nearest is told; values of parameters, ``solve(problem, omega=1)``, are given with ``at``.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        known = list(inspect.signature(function).parameters)
+        called = getattr(function, "__qualname__", "function").removesuffix(".__init__")
+
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
             for old in names.keys() & kwargs.keys():
-                name = getattr(function, "__qualname__", "function").removesuffix(".__init__")
-                raise TypeError(f"{name}() has no argument {old!r} any more: {_now(names[old])}")
+                raise TypeError(f"{called}() has no argument {old!r} any more: {_now(names[old])}")
+            for unknown in kwargs.keys() - known:
+                raise TypeError(f"{called}() has no argument {unknown!r}; {_instead(unknown, kwargs[unknown], known)}")
             return function(*args, **kwargs)
 
         return checked
@@ -54,3 +61,11 @@ def renamed_name(owner: str, name: str, names: Mapping[str, str]) -> AttributeEr
 
 def _now(new: str) -> str:
     return f"it is {new!r} now" if new.isidentifier() else f"write {new}"
+
+
+def _instead(unknown: str, value: object, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(unknown, known, n=1)
+    if near:
+        return f"did you mean {near[0]!r}?"
+    at = f"; values of parameters are given with at={{{unknown!r}: {value!r}}}" if "at" in known else ""
+    return f"it takes {', '.join(name for name in known if name != 'self')}{at}"

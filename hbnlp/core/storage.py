@@ -15,11 +15,15 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from hbnlp.core.checks import file_name, refused
 from hbnlp.core.errors import LoadError
 from hbnlp.core.files import kind_of_irregular, written_whole
 
 FORMAT = 1
 """Number of the format, in every file. Files of format 0 do not say one, nor the names of their arrays."""
+
+FOREIGN = (".csv", ".txt", ".json", ".mat", ".h5")
+"""Endings of other formats, which a NumPy archive is not to have."""
 
 _METADATA = "metadata.json"
 _MEMBER = ".npy"
@@ -56,6 +60,7 @@ def save_arrays(
     TypeError
         If an array holds objects or the metadata are not JSON.
     """
+    archive_name("path", path)
     for name, array in arrays.items():
         if array.dtype.hasobject:
             raise TypeError(f"array {name!r} holds Python objects; only numeric, boolean and text arrays are stored")
@@ -63,6 +68,13 @@ def save_arrays(
     payload: dict[str, Any] = {_METADATA: np.frombuffer(about.encode(), dtype=np.uint8), **arrays}
     with written_whole(path) as handle:
         np.savez_compressed(handle, **payload)
+
+
+def archive_name(name: str, path: Any) -> None:
+    """Raise an error that names ``path`` unless it can be the name of a NumPy archive."""
+    file_name(name, path)
+    if Path(path).suffix in FOREIGN:
+        raise refused(ValueError, name, path, "a name that ends in .npz: this writes a NumPy archive")
 
 
 def load_arrays(
@@ -93,6 +105,7 @@ def load_arrays(
         (A `ValueError`.) If the file is damaged, is not from `save_arrays`, holds something else, is of a later format,
         or would be much larger in memory than a file of its size can be.
     """
+    file_name("path", path)
     source = Path(path)
     with refused_as_unreadable(source, kind):
         irregular = kind_of_irregular(source.stat().st_mode)

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple, TypeVar
 
 from hbnlp.core.callbacks import Callbacks, Progress, StopTracing
 from hbnlp.core.errors import TaskError
-from hbnlp.core.interrupts import guarded
+from hbnlp.core.interrupts import interrupts_at_once, interrupts_kept
 
 logger = logging.getLogger(__name__)
 
-Result = TypeVar("Result", bound=Sized)
+Result = TypeVar("Result")
 
 
 class Report(NamedTuple):
@@ -71,8 +71,9 @@ class Observers:
             self._last = dataclasses.replace(
                 self._last, value=float(value), fraction=fraction, counts=counts, result=result
             )
-            for callback in self._callbacks:
-                callback(self._last)
+            with interrupts_at_once():
+                for callback in self._callbacks:
+                    callback(self._last)
 
     def finish(self, result: Any) -> None:
         """Call all callbacks for the last time; the task has ended, and what they raise is logged."""
@@ -96,7 +97,7 @@ def drive(
     task, name : str
         As in `Progress`.
     work : iterable of Report
-        Each step is done with `interrupts_kept`.
+        Its steps are done with `interrupts_kept`, so that each is whole or fails.
     result : callable
         Makes the record of what there is, from the word for how it ended (`UNDER_WAY` for a callback that asks).
     callbacks : sequence of callables
@@ -109,25 +110,38 @@ def drive(
     """
     observers = Observers(callbacks, task, name)
     ending, report = COMPLETE, None
-    try:
-        for report in guarded(work):
-            observers.tell(report, lambda: result(UNDER_WAY))
-    except KeyboardInterrupt:
-        ending = INTERRUPTED
-    except StopTracing:
-        ending = STOPPED
-    except Exception as error:
-        if report is None:
-            raise
-        partial = result(Ending(f"{type(error).__name__}: {error}", error))
-        observers.finish(partial)
-        raise TaskError(task, partial, error) from error
-    record = result(ending)
-    observers.finish(record)
+    with interrupts_kept(returns=True) as interrupts:
+        try:
+            for report in work:
+                observers.tell(report, lambda: result(UNDER_WAY))
+        except KeyboardInterrupt:
+            ending = INTERRUPTED
+        except StopTracing:
+            ending = STOPPED
+        except Exception as error:
+            if report is None and not interrupts.noted:
+                raise
+            ending = Ending(f"{type(error).__name__}: {error}", error)
+        if interrupts.taken():  # the other endings may be what it was turned into
+            ending = INTERRUPTED
+        try:
+            record = result(ending)
+            observers.finish(record)
+            interrupts.check()
+        except KeyboardInterrupt:  # it came late, and is no reason to lose all
+            interrupts.taken()
+            ending = INTERRUPTED
+            record = result(ending)
+    if ending.error is not None:
+        raise TaskError(task, record, ending.error) from ending.error
     if ending is not COMPLETE:
-        message = str(getattr(record, "message", ""))
-        if not message.startswith(f"{ending} after"):
-            what = next(iter(report.counts)) if report is not None else "steps"
-            message = f"{ending} after {len(record)} {what}"
-        logger.warning("%s: %s", task, message)
+        logger.warning("%s: %s", task, _last_words(ending, record, report))
     return record
+
+
+def _last_words(ending: Ending, record: object, report: Report | None) -> str:
+    message = str(getattr(record, "message", ""))
+    if message.startswith(f"{ending} after") or not isinstance(record, Sized):
+        return message
+    what = next(iter(report.counts)) if report is not None else "steps"
+    return f"{ending} after {len(record)} {what}"

@@ -17,14 +17,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import real_number, unknown_name
+from hbnlp.core.checks import finite_array, flag, instance_of, list_of, real_number, refused, unknown_name
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.responses import Response
 from hbnlp.design.variables import Variables
-from hbnlp.solutions.ipopt import Ipopt, run
+from hbnlp.solutions.ipopt import Ipopt, Solver
 from hbnlp.solutions.solution import Solution, make_solution
 
 
@@ -84,6 +85,20 @@ class Program(StaysHere):
         method: Ipopt | None = None,
         expand: bool = True,
     ) -> None:
+        instance_of("variables", variables, Variables, "the Variables(...) that the responses were made with")
+        list_of("responses", responses, Response, "a list of responses, from response_at or fold_at")
+        instance_of("objective", objective, ca.MX, "an expression of variables, responses and data, one number")
+        instance_of("bounds", bounds, Mapping | None, "a mapping of names to (lower, expression, upper)")
+        instance_of("data", data, ca.MX | None, "symbols, casadi.MX.sym(name, size)")
+        instance_of("method", method, Ipopt | None, "Ipopt(...)")
+        flag("expand", expand)
+        for name, bound in (bounds or {}).items():
+            if not isinstance(bound, Sequence) or len(bound) != 3 or not isinstance(bound[1], ca.MX):
+                raise refused(TypeError, f"bounds[{name!r}]", bound, "(lower, expression, upper)")
+        if objective.numel() != 1:
+            raise refused(ValueError, "objective", objective, "an expression of one number")
+        if data is not None and not data.is_valid_input():
+            raise refused(ValueError, "data", data, "symbols alone, casadi.MX.sym(name, size)")
         self.variables, self.responses, self.bounds = variables, tuple(responses), dict(bounds or {})
         if not responses:
             raise ValueError("responses is empty; a program needs one at least, from response_at or fold_at")
@@ -111,9 +126,10 @@ class Program(StaysHere):
         constraints = ca.vertcat(parts[0], ca.vertcat(*parts[1:]) / sizes)
         program = {"x": unknowns, "p": ca.vertcat(given, sizes), "f": objective, "g": constraints}
         options = (method or Ipopt(tol=1e-10)).options()
-        self._solver = ca.nlpsol("program", "ipopt", program, {**options, "expand": expand})
+        self._solver = Solver(program, {**options, "expand": expand})
         self._states = ca.Function("states", [unknowns, given], [e for r in responses for e in (r.x, r.p)])
 
+    @interrupts_kept()
     def solve(self, start: Mapping[str, float] | Optimum, *, data: ArrayLike = (), throw: bool = True) -> Optimum:
         """Return a local optimum, from values of the variables and the responses' own starts, or from an earlier one.
 
@@ -123,12 +139,16 @@ class Program(StaysHere):
             If none is found and ``throw`` is true: ``result`` is where IPOPT stopped, and the message names the bounds
             that are in the way.
         """
-        over, given = self.variables, np.atleast_1d(np.asarray(data, dtype=float))
+        instance_of("start", start, Mapping | Optimum, "a mapping of the variables to values, or an Optimum")
+        flag("throw", throw)
+        over, given = self.variables, np.atleast_1d(finite_array("data", data))
         if isinstance(start, Optimum):
             x0 = start.unknowns
         else:
             for name in {*over.names} ^ {*start}:
-                raise KeyError(unknown_name("variable", name, over.names) if name in start else f"start lacks {name!r}")
+                raise KeyError(
+                    f"start: {unknown_name('variable', name, over.names)}" if name in start else f"start lacks {name!r}"
+                )
             first = np.array([real_number(name, start[name]) for name in over.names]) / over.scale
             x0 = np.concatenate([first, *(r.start for r in self.responses)])
         for what, array, size in (("start", x0, self._states.size1_in(0)), ("data", given, self._states.size1_in(1))):
@@ -139,7 +159,7 @@ class Program(StaysHere):
         sizes = self._sizes(x0, given)
         (lbx, ubx), (lbg, ubg) = box.T, (self._limits / sizes[:, None]).T
         p = np.append(given, sizes[self._n_equations :])
-        answer, stats = run(self._solver, x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+        answer, stats = self._solver(x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
         y, g, lam_g = (answer[key].full().ravel() for key in ("x", "g", "lam_g"))
         lam_g /= sizes
         states = [e.full().ravel() for e in self._states.call([y, given])]

@@ -15,6 +15,7 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.core.checks import instance_of
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import renamed_name
@@ -81,6 +82,10 @@ def response_at(
     KeyError, ValueError
         For a name that is no parameter, or coefficients that do not fit the problem.
     """
+    instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+    instance_of("variables", variables, Variables, "the Variables(...) of the program")
+    instance_of("start", start, Solution, "a Solution")
+    problem.values(at, but=problem.system.parameters.names)
     values, x0 = problem.values({**start.parameters, **(at or {})}), problem.vector(start.coefficients)
     size, terms = sizes_at(problem, x0, values)
     xi, p = ca.MX.sym("x", problem.size), _parameters(problem, variables, values, {})
@@ -113,6 +118,10 @@ def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, 
     KeyError
         For a name that is no parameter.
     """
+    instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+    instance_of("variables", variables, Variables, "the Variables(...) of the program")
+    instance_of("fold", fold, SpecialPoint, "one fold, such as branch.folds[0]")
+    problem.system.parameters.index(name)
     if fold.kind is not Kind.FOLD or fold.null is None:
         raise ValueError(f"{fold!r} was given; a refined fold, one of branch.folds, is needed")
     if name in variables.names:

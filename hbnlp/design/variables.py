@@ -8,7 +8,7 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.checks import as_float, position
+from hbnlp.core.checks import instance_of, interval, position, text
 from hbnlp.core.sending import StaysHere
 from hbnlp.systems.parameters import OMEGA, check_period
 
@@ -20,11 +20,10 @@ class Variables(StaysHere):
     _instead = "responses and programs share its symbols; send the bounds, and make it there, once for all of them"
 
     def __init__(self, bounds: Mapping[str, tuple[float, float]]) -> None:
+        instance_of("bounds", bounds, Mapping, "a mapping of names to (lower, upper), such as {'force': (0.1, 0.2)}")
         for name, given in bounds.items():
-            ends = [as_float(end) for end in given]
-            low, high = ends if len(ends) == 2 else (None, None)
-            if low is None or high is None or not (np.isfinite(low) and np.isfinite(high) and low < high):
-                raise ValueError(f"bounds of {name!r} are {given!r}; two finite, rising numbers are needed")
+            text("a name of bounds", name)
+            low, _ = interval(f"bounds[{name!r}]", given)
             if name == OMEGA:
                 check_period(low, "the lower bound of omega is")
         self.names = tuple(bounds)

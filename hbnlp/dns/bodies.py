@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
+from hbnlp.core.checks import finite_array, flag, instance_of, interval, list_of, real_number, refused, whole_number
 from hbnlp.core.types import Array
+
+_MOST_POINTS = 100_000
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,11 @@ class Points:
     closed: bool = False
 
     def __post_init__(self) -> None:
-        _check_points(self.positions)
+        positions = finite_array("positions", self.positions, (None, 2))
+        if len(positions) < 2:
+            raise refused(ValueError, "positions", self.positions, "two points or more, of shape (n, 2)")
+        flag("closed", self.closed)
+        object.__setattr__(self, "positions", positions)
 
 
 @dataclass(frozen=True)
@@ -51,9 +58,13 @@ class MovingPoints:
     closed: bool = False
 
     def __post_init__(self) -> None:
-        (x_low, x_high), (y_low, y_high) = self.reach
-        if not (x_high > x_low and y_high > y_low):
-            raise ValueError(f"reach is {self.reach}; each pair must be (lower, upper)")
+        instance_of("motion", self.motion, Callable, "a function of time, motion(t) -> (positions, velocities)")
+        list_of("reach", self.reach, Sequence | np.ndarray, "two pairs, ((x_low, x_high), (y_low, y_high))")
+        if len(self.reach) != 2:
+            raise refused(ValueError, "reach", self.reach, "two pairs, ((x_low, x_high), (y_low, y_high))")
+        for pair in self.reach:
+            interval("reach", pair, advice=", for x and for y")
+        flag("closed", self.closed)
 
 
 Modal = Callable[[float], tuple[Array, Array]]
@@ -74,10 +85,15 @@ class SharpPlate:
     deflection: Modal | None = None
     n_modes: int = 10
 
+    def __post_init__(self) -> None:
+        instance_of("deflection", self.deflection, Callable | None, "a function of time, t -> (W, W'), or None")
+        whole_number("n_modes", self.n_modes, least=1, most=1000)
+
     @classmethod
     def oscillating(cls, omega: float, amplitudes: Array) -> SharpPlate:
         """Deflection W_k = amplitudes[k] sin(omega t)."""
-        amplitudes = np.asarray(amplitudes, dtype=float)
+        real_number("omega", omega)
+        amplitudes = finite_array("amplitudes", amplitudes, (None,))
         return cls(deflection=partial(_sine, omega, amplitudes), n_modes=amplitudes.size)
 
 
@@ -118,23 +134,23 @@ def circle(
     ----------
     Breugem (2012), doi:10.1016/j.jcp.2012.02.026.
     """
-    if not (spacing > 0.0 and diameter > 0.0 and ratio > 0.0):
-        raise ValueError(f"spacing, diameter, ratio = {spacing}, {diameter}, {ratio}; all must be positive")
+    for name, value in (("spacing", spacing), ("diameter", diameter), ("ratio", ratio)):
+        real_number(name, value, above=0.0)
+    real_number("retraction", retraction)
+    finite_array("centre", centre, (2,))
     radius = 0.5 * diameter - retraction * spacing
     if not radius > spacing:
         raise ValueError(
-            f"a diameter of {diameter} and a retraction of {retraction} cells leave a radius of {radius:.3g}, "
-            f"less than a cell ({spacing}): refine the grid"
+            f"diameter = {diameter} and retraction = {retraction} cells leave a radius of {radius:.3g}, less than a "
+            f"cell, spacing = {spacing}: refine the grid"
+        )
+    if not 2.0 * math.pi * radius / (ratio * spacing) <= _MOST_POINTS:
+        raise ValueError(
+            f"diameter = {diameter}, ratio = {ratio} and spacing = {spacing} make more than {_MOST_POINTS} points; "
+            "give a larger spacing"
         )
     n = max(8, round(2.0 * math.pi * radius / (ratio * spacing)))
     angle = 2.0 * np.pi * np.arange(n) / n
     return Points(
         np.column_stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)]), closed=True
     )
-
-
-def _check_points(positions: Array) -> None:
-    if positions.ndim != 2 or positions.shape[1] != 2 or positions.shape[0] < 2:
-        raise ValueError(f"positions has shape {positions.shape}; (n, 2) with n >= 2 is needed")
-    if not np.isfinite(positions).all():
-        raise ValueError("positions has values that are not finite")

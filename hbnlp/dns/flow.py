@@ -13,11 +13,12 @@ Colonius and Taira (2008), doi:10.1016/j.cma.2007.08.014.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 
 import numpy as np
 
+from hbnlp.core.checks import instance_of, real_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array
 from hbnlp.dns.bodies import Body, MovingPoints, Points, SharpPlate
 from hbnlp.dns.deformed import Deformed
@@ -79,11 +80,12 @@ class Simulation:
         motion: Motion | None = None,
         stream: float = 1.0,
     ) -> None:
-        if not (math.isfinite(reynolds) and reynolds > 0.0):
-            raise ValueError(f"reynolds is {reynolds}; it must be positive and finite")
-        step = 0.3 * grid.spacing if dt is None else dt
-        if not (math.isfinite(step) and step > 0.0):
-            raise ValueError(f"dt is {dt}; it must be positive and finite")
+        instance_of("grid", grid, Grid, "a Grid, such as Grid.around_plate()")
+        instance_of("body", body, Body | Membrane, "Points, MovingPoints, a SharpPlate or a Membrane")
+        instance_of("motion", motion, Motion | None, "a Motion, such as Motion.at_incidence(degrees)")
+        real_number("reynolds", reynolds, above=0.0)
+        real_number("stream", stream)
+        step = 0.3 * grid.spacing if dt is None else real_number("dt", dt, above=0.0)
         check_courant(abs(stream) * step / grid.spacing, step, 0.0)
         self.grid, self.body, self.reynolds, self.dt = grid, body, reynolds, step
         self.motion = Motion() if motion is None else motion
@@ -161,17 +163,20 @@ class Simulation:
         ------
         FlowError
             If the flow becomes too fast for the time step or is no longer finite.
+        KeyboardInterrupt
+            On Ctrl-C, after a whole step: ``history`` has all of them, and the same call goes on.
         """
-        if not until > self.time - 0.5 * self.dt:
-            raise ValueError(f"until is {until}, but the flow is at t = {self.time:.6g} already; give a later time")
+        real_number("until", until, least=self.time - 0.5 * self.dt, advice=", the flow is there already")
+        instance_of("callback", callback, Callable | None, "a function of the simulation, or dns.together(...)")
         for _ in range(round((until - self.time) / self.dt)):
             self.step()
             if callback is not None:
                 callback(self)
         return self.history
 
+    @interrupts_kept()
     def step(self) -> None:
-        """Advance by dt."""
+        """Advance by dt; Ctrl-C is raised after the step, so that the next one can go on from it."""
         nested, wall, levels = self._nested, self.wall, range(self.grid.levels)
         end = self._start + (self.steps + 1) * self.dt
         rhs = self._explicit.rhs(self.psi, self.gamma, self._metric, self.time, check=self.steps % _COURANT_EVERY == 0)

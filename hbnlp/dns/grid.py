@@ -7,9 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbnlp.core.checks import finite_array, interval, list_of, real_number, refused, whole_number
 from hbnlp.core.types import Array
 
 _MIN_CELLS = 16
+_MOST_CELLS = 10_000
+_MOST_LEVELS = 30
 # The discrete plate is shorter than its nodes by this many cells at each end: the limit of small cells, in which the
 # flow about an end is Stokes flow, from the Wiener-Hopf factor of the lattice (docs/dns.md; recomputed in the tests).
 PLATE_OVERHANG = 0.2390729
@@ -49,16 +52,14 @@ class Grid:
     levels: int = 5
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.spacing) and self.spacing > 0.0):
-            raise ValueError(f"spacing is {self.spacing}; it must be positive and finite")
-        if min(self.shape) < _MIN_CELLS:
-            raise ValueError(
-                f"shape is {self.shape} cells; at least {_MIN_CELLS} each way are needed: refine or enlarge the box"
-            )
-        if not all(math.isfinite(value) for value in self.corner):
-            raise ValueError(f"corner is {self.corner}; it must be finite")
-        if self.levels < 1:
-            raise ValueError(f"levels is {self.levels}; at least 1 is needed (5 or 6 reach a far field)")
+        real_number("spacing", self.spacing, above=0.0)
+        list_of("shape", self.shape, int | np.integer, "the numbers of cells each way, (nx, ny)")
+        if len(self.shape) != 2:
+            raise refused(ValueError, "shape", self.shape, "the numbers of cells each way, (nx, ny)")
+        for cells in self.shape:
+            whole_number("shape", cells, least=_MIN_CELLS, most=_MOST_CELLS, advice=" cells each way")
+        finite_array("corner", self.corner, (2,))
+        whole_number("levels", self.levels, least=1, most=_MOST_LEVELS, advice=" (5 or 6 reach a far field)")
 
     @classmethod
     def box(
@@ -80,12 +81,12 @@ class Grid:
         levels : int
             Number of levels.
         """
-        if not (x[1] > x[0] and y[1] > y[0]):
-            raise ValueError(f"the box is x = {x}, y = {y}; each must be (lower, upper) with upper > lower")
-        if not spacing > 0.0:
-            raise ValueError(f"spacing is {spacing}; it must be positive")
+        x, y = interval("x", x), interval("y", y)
+        real_number("spacing", spacing, above=0.0)
         # whole cells up to round-off; even numbers keep a node at the centre
         nx, ny = (2 * math.ceil((upper - lower) / (2.0 * spacing) - 1e-9) for lower, upper in (x, y))
+        if not _MIN_CELLS <= min(nx, ny) <= max(nx, ny) <= _MOST_CELLS:
+            raise refused(ValueError, "spacing", spacing, f"one for {_MIN_CELLS} to {_MOST_CELLS} cells each way")
         centre = (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]))
         return cls(
             spacing=spacing,
@@ -114,8 +115,10 @@ class Grid:
         levels : int
             Number of levels; below six the low-frequency lift is off by a per cent or more.
         """
-        if cells < 4:
-            raise ValueError(f"cells is {cells}; a plate needs at least 4 (25 for a coarse result)")
+        whole_number("cells", cells, least=4, most=_MOST_CELLS, advice=" (25 for a coarse result)")
+        real_number("ahead", ahead, least=0.0, most=1000.0)
+        real_number("behind", behind, least=0.0, most=1000.0)
+        real_number("above", above, above=0.0, most=1000.0)
         front, rear = round(ahead * cells), round(behind * cells)
         ny = 2 * round(above * cells - 0.5) + 1
         spacing = 1.0 / (cells - 2.0 * PLATE_OVERHANG)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from hbnlp.core.checks import instance_of, real_number
 from hbnlp.core.types import Array
 from hbnlp.dns.history import History, Record
 from hbnlp.dns.motion import Motion
@@ -68,6 +69,9 @@ def neglected_inertia(history: History, motion: Motion, mass_ratio: float) -> fl
     ValueError
         If the record has no deflection or no load.
     """
+    instance_of("history", history, History, "a History, as Simulation.run returns it")
+    instance_of("motion", motion, Motion, "a Motion, such as Motion.at_incidence(degrees)")
+    real_number("mass_ratio", mass_ratio, least=0.0)
     if history.deflection.size == 0 or not np.any(history.coefficients):
         raise ValueError(
             "the record has no deflection or no load; a run of a Membrane or a deflected SharpPlate is needed"

@@ -20,6 +20,7 @@ from typing import Protocol
 
 import numpy as np
 
+from hbnlp.core.checks import finite_array, real_number, refused, whole_number
 from hbnlp.core.types import Array
 from hbnlp.dns.errors import FlowError
 from hbnlp.dns.motion import Motion
@@ -72,14 +73,15 @@ class Membrane:
     rate: Array | None = None
 
     def __post_init__(self) -> None:
-        structure, n_modes = self.structure, self.structure.n_modes
-        if not (np.isfinite(structure.mass_ratio) and structure.mass_ratio >= 0.0):
-            raise ValueError(
-                f"mass_ratio of the structure is {structure.mass_ratio}; it must be finite and not negative"
-            )
+        structure = self.structure
+        for part in ("mass_ratio", "n_modes", "restoring_force", "tangent_stiffness"):
+            if isinstance(structure, type) or not hasattr(structure, part):
+                raise refused(TypeError, "structure", structure, "a membrane, such as hbnlp.NonlinearMembrane(...)")
+        n_modes = whole_number("n_modes of the structure", structure.n_modes, least=1)
+        real_number("mass_ratio of the structure", structure.mass_ratio, least=0.0)
         for name, value in (("deflection", self.deflection), ("rate", self.rate)):
-            if value is not None and (np.shape(value) != (n_modes,) or not np.isfinite(value).all()):
-                raise ValueError(f"{name} has shape {np.shape(value)}; finite values of shape ({n_modes},) are needed")
+            if value is not None:
+                finite_array(name, value, (n_modes,))
         rest = np.zeros(n_modes)
         for law, needed in (("restoring_force", (n_modes,)), ("tangent_stiffness", (n_modes, n_modes))):
             given = np.shape(getattr(structure, law)(rest))

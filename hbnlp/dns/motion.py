@@ -17,6 +17,7 @@ from functools import partial
 
 import numpy as np
 
+from hbnlp.core.checks import instance_of, real_number
 from hbnlp.core.types import Array
 from hbnlp.dns.grid import Grid
 
@@ -52,10 +53,14 @@ class Motion:
     pitch: Callable[[float], Triple] = field(default=_rest)
     heave: Callable[[float], Triple] = field(default=_rest)
 
+    def __post_init__(self) -> None:
+        for name, law in (("pitch", self.pitch), ("heave", self.heave)):
+            instance_of(name, law, Callable, "a function of time that returns value, rate and acceleration")
+
     @classmethod
     def at_incidence(cls, degrees: float) -> Motion:
         """Frame at rest at a fixed incidence."""
-        angle = math.radians(degrees)
+        angle = math.radians(real_number("degrees", degrees))
         return cls(pitch=partial(_held, angle))
 
     @classmethod
@@ -63,8 +68,9 @@ class Motion:
         cls, omega: float, *, pitch: float = 0.0, heave: float = 0.0, mean_pitch: float = 0.0, axis: float = 0.0
     ) -> Motion:
         """Pitch mean_pitch + pitch sin(omega t) about x = axis, with heave sin(omega t) besides; radians and chords."""
-        if not omega > 0.0:
-            raise ValueError(f"omega is {omega}; it must be positive (Motion.at_incidence holds a fixed incidence)")
+        real_number("omega", omega, above=0.0, advice=" (Motion.at_incidence holds a fixed incidence)")
+        for name, value in (("pitch", pitch), ("heave", heave), ("mean_pitch", mean_pitch), ("axis", axis)):
+            real_number(name, value)
         return cls(
             pitch=partial(_sine, omega, pitch, mean_pitch),
             heave=partial(_sine, omega, heave + axis * pitch, axis * mean_pitch),

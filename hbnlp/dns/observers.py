@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tqdm import tqdm
 
+from hbnlp.core.checks import file_name, instance_of, list_of, list_of_callables, real_number, whole_number
 from hbnlp.core.types import Array
 from hbnlp.dns.flow import Callback, Simulation
 from hbnlp.dns.storage import save_state
@@ -59,6 +60,10 @@ class Checkpoint:
 
     path: str | os.PathLike[str]
     every: int = 500
+
+    def __post_init__(self) -> None:
+        file_name("path", self.path)
+        whole_number("every", self.every, least=1)
 
     def __call__(self, simulation: Simulation) -> None:
         """Save if it is time."""
@@ -124,8 +129,10 @@ class Snapshots:
     taken: list[Snapshot] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        if not self.every > 0.0:
-            raise ValueError(f"every is {self.every}; it must be positive")
+        real_number("every", self.every, above=0.0)
+        advice = "a list of snapshots, to which more are appended"
+        instance_of("taken", self.taken, list, advice)
+        list_of("taken", self.taken, Snapshot, advice)
 
     def __call__(self, simulation: Simulation) -> None:
         """Take a snapshot if the last is old enough."""
@@ -136,6 +143,7 @@ class Snapshots:
 
 def together(*callbacks: Callback) -> Callback:
     """One callback that calls several in order."""
+    list_of_callables("callbacks", callbacks)
 
     def call(simulation: Simulation) -> None:
         for callback in callbacks:

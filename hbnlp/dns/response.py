@@ -8,10 +8,13 @@ the complex harmonics of the loads.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from hbnlp.core.checks import finite_array, instance_of, real_number, refused, whole_number
 from hbnlp.core.types import Array
 from hbnlp.dns.flow import Callback, Simulation
 from hbnlp.dns.grid import Grid
@@ -41,7 +44,13 @@ def harmonics(time: Array, values: Array, omegas: Array) -> Array:
         If the record is shorter than a period of the lowest frequency, or the frequencies are not positive and
         distinct.
     """
-    omegas = np.asarray(omegas, dtype=float)
+    time, values, omegas = (
+        finite_array("time", time, (None,)),
+        finite_array("values", values),
+        finite_array("omegas", omegas, (None,)),
+    )
+    if values.shape[:1] != time.shape:
+        raise ValueError(f"values has shape {values.shape}; give an array of shape ({time.size}, ...), one row a time")
     if omegas.size == 0 or omegas.min() <= 0.0 or np.unique(omegas).size < omegas.size:
         raise ValueError(f"omegas is {omegas.tolist()}; positive and distinct frequencies are needed")
     period = 2.0 * math.pi / omegas.min()
@@ -127,15 +136,16 @@ def linear_response(
     ValueError
         If the channel is unknown or a number is out of range.
     """
-    multiples = np.asarray(multiples)
-    if periods < 1.5:
-        raise ValueError(f"periods is {periods}; at least 1.5 are needed, a half to settle and one to measure")
-    if not base > 0.0 or multiples.min() < 1 or not np.array_equal(multiples, np.round(multiples)):
-        raise ValueError(
-            f"base is {base} and multiples {multiples.tolist()}; base must be positive and the multiples whole, from 1"
-        )
+    multiples = finite_array("multiples", multiples, (None,))
+    if not multiples.size or multiples.min() < 1 or not np.array_equal(multiples, np.round(multiples)):
+        raise refused(ValueError, "multiples", multiples, "whole numbers from 1 on")
+    real_number("base", base, above=0.0)
+    real_number("periods", periods, least=1.5, advice=", a half to settle and one to measure")
+    _check_run(grid, channel, steady, reynolds=reynolds, dt=dt, n_modes=n_modes, amplitude=amplitude, callback=callback)
     period = 2.0 * math.pi / base
     per_period = math.ceil(period / (0.4 * grid.spacing if dt is None else dt))
+    if per_period < 4 * multiples.max():
+        raise refused(ValueError, "base", base, f"a frequency whose multiples dt = {dt} resolves, or a smaller dt")
     begin = _time_of(steady)
     signal = MultiSine(base * multiples, amplitude, begin, 0.25 * period)
     body, motion = drive(channel, signal, n_modes)
@@ -204,8 +214,8 @@ def step_response(
     ValueError
         If the channel is unknown or the duration is not positive.
     """
-    if not duration > 0.0:
-        raise ValueError(f"duration is {duration}; it must be positive")
+    real_number("duration", duration, above=0.0)
+    _check_run(grid, channel, steady, reynolds=reynolds, dt=dt, n_modes=n_modes, amplitude=amplitude, callback=callback)
     begin = _time_of(steady)
     body, motion = drive(channel, Ramp(amplitude, begin), n_modes)
     simulation = Simulation(grid, body, reynolds=reynolds, dt=dt, motion=motion)
@@ -213,6 +223,22 @@ def step_response(
     history = simulation.run(begin + duration, callback=callback)
     loads = np.column_stack([history.lift, history.coefficients]) / amplitude
     return StepResponse(history.load_time[1:] - begin, loads[1:], loads[0] * simulation.dt)
+
+
+def _check_run(
+    grid: Any, channel: Any, steady: Any, *, reynolds: Any, dt: Any, n_modes: Any, amplitude: Any, callback: Any
+) -> None:
+    instance_of("grid", grid, Grid, "a Grid, such as Grid.around_plate()")
+    whole_number("n_modes", n_modes, least=1, most=1000)
+    real_number("amplitude", amplitude, above=0.0, below=1.0)
+    if not isinstance(channel, str) or channel not in ("pitch", "heave"):
+        whole_number("channel", channel, least=1, most=n_modes, advice=", a mode, or 'pitch' or 'heave'")
+    real_number("reynolds", reynolds, above=0.0)
+    if dt is not None:
+        real_number("dt", dt, above=0.0)
+    instance_of("callback", callback, Callable | None, "a function of the simulation, or dns.together(...)")
+    if not isinstance(steady, dict) or "clock" not in steady:
+        raise refused(TypeError, "steady", steady, "the state of a steady flow, simulation.state()")
 
 
 def _time_of(state: dict[str, Array]) -> float:

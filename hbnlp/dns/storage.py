@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from hbnlp.core.checks import instance_of
 from hbnlp.core.layout import Column, Layout
 from hbnlp.core.records import loaded, save_columns, save_record
 from hbnlp.dns.flow import Simulation
@@ -45,6 +46,7 @@ def save_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
     SaveError
         (An `OSError`.) If the file cannot be written; an older file of that name is as it was.
     """
+    instance_of("simulation", simulation, Simulation, "a Simulation")
     save_columns(path, _STATE, simulation.state())
 
 
@@ -60,6 +62,7 @@ def load_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
     ValueError
         If it belongs to another grid.
     """
+    instance_of("simulation", simulation, Simulation, "a Simulation")
     # the first version wrote arrays alone
     with loaded(path, _STATE, plain=True) as state:
         pass
@@ -74,6 +77,7 @@ def save_history(history: History, path: str | os.PathLike[str]) -> None:
     SaveError
         (An `OSError`.) If the file cannot be written; an older file of that name is as it was.
     """
+    instance_of("history", history, History, "a History, as Simulation.run returns it")
     save_record(history, path, _HISTORY)
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.checks import finite_numbers, instance_of, list_of, real_number, refused
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
@@ -116,17 +118,25 @@ class Identification(StaysHere):
         *,
         harmonic: int = 1,
     ) -> None:
+        instance_of("variables", variables, Variables, "the Variables(...) to be found")
+        instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
+        list_of("points", points, Sequence, "a list of (parameters, solution), one a measurement")
+        for point in points:
+            if len(point) != 2 or not isinstance(point[0], Mapping) or not isinstance(point[1], Solution):
+                raise refused(TypeError, "an entry of points", point, "(parameters, solution)")
         responses = [response_at(problem, variables, near, at=set_to) for set_to, near in points]
         amplitude = ca.sqrt(problem.amplitude_squared(output, harmonic))
         fitted = ca.vertcat(*(response(amplitude) for response in responses))
         measured = ca.MX.sym("measured", len(points))
         misfit = 0.5 * ca.sumsqr(fitted - measured) / ca.sumsqr(measured)
         self.variables = variables
+        self._n_points = len(points)
         self._program = Program(variables, responses, objective=misfit, data=measured)
         slopes = [ca.jacobian(e, s) for e in (amplitude, problem.g) for s in (problem.x, problem.p)]
         self._slopes = ca.Function("slopes", [problem.x, problem.p], [amplitude, *slopes])
         self._chosen = [problem.system.parameters.index(name) for name in variables.names]
 
+    @interrupts_kept()
     def fit(
         self, measured: ArrayLike, start: Mapping[str, float] | Identified, *, noise: float | None = None
     ) -> Identified:
@@ -153,7 +163,12 @@ class Identification(StaysHere):
         ValueError
             If the measurements do not determine all variables, or there are too few to estimate the noise.
         """
-        amplitudes = np.asarray(measured, dtype=float)
+        amplitudes = finite_numbers("measured", measured)
+        if amplitudes.size != self._n_points:
+            raise refused(ValueError, "measured", measured, f"an amplitude for each of the {self._n_points} points")
+        instance_of("start", start, Mapping | Identified, "a mapping of the variables to values, or an earlier fit")
+        if noise is not None:
+            real_number("noise", noise, above=0.0, advice=", or None to have it estimated")
         optimum = self._program.solve(start.optimum if isinstance(start, Identified) else start, data=amplitudes)
         fitted, rows = zip(*(self._row(solution) for solution in optimum.solutions), strict=True)
         jacobian, residuals = np.array(rows), np.array(fitted) - amplitudes

@@ -8,8 +8,8 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.checks import real_number, whole_number
-from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.checks import flag, real_number, whole_number
+from hbnlp.core.interrupts import interrupts_at_once
 from hbnlp.core.types import Array
 from hbnlp.integration.first_order import FirstOrderForm, Propagator, Window
 
@@ -43,9 +43,10 @@ class Adaptive:
     stiff: bool = False
 
     def __post_init__(self) -> None:
-        real_number("rtol", self.rtol, above=0.0)
-        real_number("atol", self.atol, above=0.0)
-        whole_number("samples_per_period", self.samples_per_period, least=4)
+        real_number("rtol", self.rtol, above=0.0, below=1.0)
+        real_number("atol", self.atol, above=0.0, below=1.0)
+        whole_number("samples_per_period", self.samples_per_period, least=4, most=1_000_000)
+        flag("stiff", self.stiff)
 
     def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
         """Return CVODES at one parameter point; the first window takes its sizes from ``state`` and the load."""
@@ -56,7 +57,7 @@ class Adaptive:
         def run(start: Array) -> Window:
             nonlocal sizes
             try:
-                with interrupts_kept():
+                with interrupts_at_once():
                     scaled = integrator(x0=start / sizes, p=np.append(packed, sizes))["xf"].full().T
             except RuntimeError as error:
                 flag = str(error).partition('returned "')[2].partition('"')[0]

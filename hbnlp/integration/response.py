@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from hbnlp.core.checks import position
+from hbnlp.core.checks import position, whole_number
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
 
@@ -110,8 +110,7 @@ class TimeResponse:
 def project(signals: Array, n_harmonics: int) -> ComplexArray:
     """Return complex amplitudes (k, n_harmonics + 1) of signals (n_t, k) sampled over whole periods."""
     size = signals.shape[0]
-    if not 0 <= n_harmonics <= (size - 1) // 2:
-        raise ValueError(f"n_harmonics = {n_harmonics}; 0 to {(size - 1) // 2} can be had from {size} times")
+    n_harmonics = whole_number("n_harmonics", n_harmonics, least=0, most=(size - 1) // 2, advice=f" of {size} times")
     amplitudes: ComplexArray = np.fft.rfft(signals, axis=0)[: n_harmonics + 1].T * (2.0 / size)
     amplitudes[:, 0] *= 0.5
     return np.ascontiguousarray(amplitudes)

@@ -46,7 +46,8 @@ class RungeKutta4:
 
     def __post_init__(self) -> None:
         if self.steps_per_period is not None:
-            whole_number("steps_per_period", self.steps_per_period, least=4, advice=", or None to have it chosen")
+            advice = ", or None to have it chosen"
+            whole_number("steps_per_period", self.steps_per_period, least=4, most=10_000_000, advice=advice)
 
     def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
         """Return the scheme at one parameter point.

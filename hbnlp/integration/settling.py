@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.callbacks import Callbacks, StopTracing
-from hbnlp.core.checks import instance_of, list_of_callables, real_number, whole_number
+from hbnlp.core.callbacks import Callbacks
+from hbnlp.core.checks import finite_array, flag, instance_of, list_of_callables, real_number, refused, whole_number
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.renamed import renamed_arguments
-from hbnlp.core.tasks import Observers, Report
+from hbnlp.core.tasks import COMPLETE, UNDER_WAY, Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.fourier import to_complex
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
@@ -62,24 +64,25 @@ def initial_state(system: System, start: Any, values: Array, periods: int) -> Ar
         return np.zeros(system.n_state)
     if isinstance(start, TimeResponse):
         start = start.state
+    elif isinstance(start, type) or callable(getattr(start, "coefficients", None)):
+        raise refused(TypeError, "start", start, "a state, coefficients, a solution or a TimeResponse")
     elif hasattr(start, "coefficients"):
         point = system.parameters.values(getattr(start, "parameters", None) or system.parameters.as_dict(values))
         its_periods: int = getattr(start, "periods", 0) or getattr(getattr(start, "problem", None), "periods", 1)
         return state_of(system, start.coefficients, point, its_periods)
-    state = np.asarray(start, dtype=float)
-    if state.ndim == 2:
+    state: Array = finite_array("start", start)
+    if state.ndim == 2 and state.shape[0] == system.n_dof and state.shape[1] % 2:
         return state_of(system, state, values, periods)
     if state.shape != (system.n_state,):
         raise ValueError(
-            f"start has shape {state.shape}; ({system.n_state},) is needed, (q, q', x) of {system.n_dof} degrees of "
-            f"freedom and {system.n_lags} lag states, or ({system.n_dof}, 2H+1) for Fourier coefficients"
+            f"start has shape {state.shape}; give an array of shape ({system.n_state},), (q, q', x) of {system.n_dof} "
+            f"degrees of freedom and {system.n_lags} lag states, or ({system.n_dof}, 2H+1) for Fourier coefficients"
         )
-    if not np.all(np.isfinite(state)):
-        raise ValueError("start has entries that are not finite")
-    return state.copy()
+    return state
 
 
 @renamed_arguments(initial="start")
+@interrupts_kept(returns=True)
 def integrate(
     system: System,
     *,
@@ -121,6 +124,7 @@ def integrate(
     Returns
     -------
     TimeResponse
+        After Ctrl-C, or where a callback raised `StopTracing`, with the windows so far; ``message`` says so.
 
     Raises
     ------
@@ -130,8 +134,8 @@ def integrate(
         For unknown parameters, an unstable step, a state of the wrong size.
     TypeError
         For a system, method or callbacks of another kind.
-    KeyboardInterrupt
-        On Ctrl-C; nothing is returned then (`march` keeps what it has).
+    TaskError
+        If a callback fails; its ``result`` is the response so far.
 
     Examples
     --------
@@ -141,11 +145,11 @@ def integrate(
     instance_of("system", system, System, "a System, such as problem.system")
     instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...)")
     list_of_callables("callbacks", callbacks)
+    flag("throw", throw)
     check_limits(periods, max_periods, periodic_tol)
     values = system.parameters.values(at)
     state = initial_state(system, start, values, periods)
-    observers = Observers(callbacks, "integrating", "change")
-    response = settle(
+    settling = Settling(
         FirstOrderForm(system),
         values,
         state,
@@ -153,58 +157,80 @@ def integrate(
         periods=periods,
         max_periods=max_periods,
         periodic_tol=periodic_tol,
-        observers=observers,
     )
-    observers.finish(response)
-    if throw and not response.periodic:
+    response = drive("integrating", settling.windows(), settling.response, name="change", callbacks=callbacks)
+    if throw and settling.over and not response.periodic:
         raise ConvergenceError(response.message, response)
     return response
 
 
 def check_limits(periods: int, max_periods: int, periodic_tol: float) -> None:
     """Raise an error for numbers of periods or a tolerance that make no sense."""
-    whole_number("periods", periods, least=1)
+    whole_number("periods", periods, least=1, most=10_000)
     whole_number("max_periods", max_periods, least=periods, advice=" (the number of periods)")
     real_number("periodic_tol", periodic_tol, above=0.0)
 
 
-def settle(
-    form: FirstOrderForm,
-    values: Array,
-    state: Array,
-    *,
-    method: Method,
-    periods: int,
-    max_periods: int,
-    periodic_tol: float,
-    observers: Observers | None = None,
-) -> TimeResponse:
-    """Integrate window by window until the state repeats itself, and return what there is then: see `integrate`."""
-    propagate = method.propagator(form, form.pack(values), state, periods)
-    defect_of = _Defect(form.system)
-    defects: list[float] = []
-    window = Window(state[None], 0.0)
+class Settling:
+    """An integration window by window, until the state repeats itself: see `integrate`.
 
-    def result() -> TimeResponse:
-        return respond(
-            form, values, method=method, periods=periods, periodic_tol=periodic_tol, window=window, defects=defects
-        )
+    Attributes
+    ----------
+    over : bool
+        Whether it came to an end of its own.
+    """
 
-    for _ in range(max_periods // periods):
-        window = propagate(state)
-        state = window.states[-1]
-        if window.failed_at is not None:
-            break
-        defects.append(defect_of(window.states))
-        if observers is not None:
-            n_periods = len(defects) * periods
-            try:
-                observers.tell(Report(defects[-1], n_periods / max_periods, {"periods": n_periods}), result)
-            except StopTracing:
+    def __init__(
+        self,
+        form: FirstOrderForm,
+        values: Array,
+        state: Array,
+        *,
+        method: Method,
+        periods: int,
+        max_periods: int,
+        periodic_tol: float,
+    ) -> None:
+        self._propagate = method.propagator(form, form.pack(values), state, periods)
+        self._form, self._values, self._method = form, values, method
+        self._periods, self._max_periods, self._tol = periods, max_periods, periodic_tol
+        self.over = False
+        self._defects: list[float] = []
+        self._window = Window(state[None], 0.0, 0.0, "the first window was not over")
+
+    def windows(self) -> Iterator[Report]:
+        """Integrate one window after another, and say of each how much the state changed."""
+        defect_of, state = _Defect(self._form.system), self._window.states[-1]
+        for _ in range(self._max_periods // self._periods):
+            window = self._propagate(state)
+            state = window.states[-1]
+            if window.failed_at is not None:
+                self._window = window
                 break
-        if defects[-1] <= periodic_tol:
-            break
-    return result()
+            defect = defect_of(window.states)
+            self._window = window
+            self._defects.append(defect)
+            n_periods = len(self._defects) * self._periods
+            yield Report(defect, n_periods / self._max_periods, {"periods": n_periods})
+            if defect <= self._tol:
+                break
+        self.over = True
+
+    def response(self, ending: Ending = COMPLETE) -> TimeResponse:
+        """Return what there is."""
+        found = respond(
+            self._form,
+            self._values,
+            method=self._method,
+            periods=self._periods,
+            periodic_tol=self._tol,
+            window=self._window,
+            defects=self._defects,
+        )
+        if ending in (COMPLETE, UNDER_WAY):
+            return found
+        advice = "; go on from start=response" if found.stopped_at is None and not found.periodic else ""
+        return dataclasses.replace(found, message=ending.after(f"{found.n_periods} periods") + advice)
 
 
 class _Defect:

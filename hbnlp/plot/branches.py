@@ -17,9 +17,11 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from hbnlp.core.checks import flag, list_of, whole_number
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.types import Array
 from hbnlp.fourier import decibels
+from hbnlp.plot.arguments import axes, check_color, check_label, result
 
 if TYPE_CHECKING:
     from hbnlp.branches.branch import Branch
@@ -79,8 +81,19 @@ def plot_branch(
     -------
     Axes
     """
-    ax = ax or new_axes()
+    result("branch", branch, "Branch")
+    flag("decibels", decibels)
+    check_label(label)
+    check_color(color)
+    if not isinstance(special, bool):
+        list_of(
+            "special",
+            special if isinstance(special, str) else [*special] if isinstance(special, Collection) else special,
+            Kind,
+            "True, False or kinds, such as [Kind.FOLD]",
+        )
     level = _level(branch, output, harmonic, per, decibels)
+    ax = axes(ax)
     color = ax.plot([], [], color=color, label=label or "_branch")[0].get_color()
     stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
     solid = STABLE if branch.stable is not None else UNKNOWN
@@ -119,8 +132,11 @@ def plot_sweep(
     **options: Any,
 ) -> Axes:
     """Draw one harmonic of an output along a sweep as `plot_branch` does; a jump is an arrow, no part of the curve."""
-    ax = ax or new_axes()
+    result("sweep", sweep, "Sweep", "TimeSweep")
+    flag("decibels", decibels)
+    check_label(label)
     level = _level(sweep, output, harmonic, per, decibels)
+    ax = axes(ax)
     jumps = sorted(int(jump) for jump in sweep.jumps)
     edges = [0, *jumps, len(sweep)]
     style = {"marker": ".", "markersize": 3.0, "linewidth": 1.0, **options}
@@ -151,10 +167,12 @@ def plot_resolved(
 
     Points at which the tolerance was not met are crosses; those without a solution are left out.
     """
+    result("resolved", resolved, "ResolvedBranch")
+    flag("decibels", decibels)
     if not len(resolved):
         raise ValueError(f"the resolved branch has no points to draw: {resolved.message}")
-    ax = ax or new_axes()
     level = _level(resolved, output, harmonic, per, decibels)
+    ax = axes(ax)
     ax.plot(resolved.parameter, level, color="0.6", linewidth=0.8, zorder=1)
     numbers = resolved.n_harmonics
     first, last = int(numbers.min()), int(numbers.max())
@@ -171,7 +189,9 @@ def plot_resolved(
 
 def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | None = None, **options: Any) -> Axes:
     """Draw a fold curve in the plane of its two parameters, with cusps, isola births and merges."""
-    ax = ax or new_axes()
+    result("curve", curve, "FoldBranch")
+    check_label(label)
+    ax = axes(ax)
     ax.plot(curve.first, curve.second, **{"color": "tab:red", "linewidth": 1.6, **options}, label=label or "folds")
     for kind, (marker, paint) in EVENT_MARKERS.items():
         events = curve.of_kind(kind)
@@ -184,16 +204,10 @@ def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | N
     return ax
 
 
-def new_axes() -> Axes:
-    """Return the axes of a new figure."""
-    return plt.subplots(figsize=(6.4, 4.2), layout="constrained")[1]
-
-
 def _level(source: Any, output: str, harmonic: int, per: str | None, in_decibels: bool) -> Array:
     """Return what is drawn for every point of a branch or sweep, or for one solution."""
     amplitudes = source.harmonics(output)
-    if not 0 <= harmonic < amplitudes.shape[-1]:
-        raise ValueError(f"harmonic = {harmonic}; 0 to {amplitudes.shape[-1] - 1} are retained")
+    whole_number("harmonic", harmonic, least=0, most=amplitudes.shape[-1] - 1, advice=", which are retained")
     signed = harmonic == 0 and not in_decibels  # a mean has a sign
     size = amplitudes[..., 0].real if signed else np.abs(amplitudes[..., harmonic])
     if per is not None:

@@ -11,8 +11,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
+from hbnlp.core.checks import file_name, instance_of, interval, real_number, refused, whole_number
 from hbnlp.core.files import written_whole
 from hbnlp.core.types import Array
+from hbnlp.plot.arguments import axes, result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,20 +55,24 @@ def plot_vorticity(
     Axes
         The axes drawn on.
     """
-    axes = plt.subplots(figsize=(8.0, 4.5), layout="constrained")[1] if ax is None else ax
+    result("snapshot", snapshot, "Snapshot")
+    real_number("limit", limit, above=0.0)
+    whole_number("levels", levels, least=1)
+    x, y = (None if given is None else interval(name, given) for name, given in (("x", x), ("y", y)))
+    ax = axes(ax, figsize=(8.0, 4.5))
     bands = np.linspace(-limit, limit, _STEPS)
     shown = min(levels, len(snapshot.vorticity))
     for level in reversed(range(shown)):
         px, py = _in_space(snapshot, snapshot.x[level], snapshot.y[level])
-        axes.contourf(px, py, np.clip(snapshot.vorticity[level], -limit, limit), bands, cmap="RdBu_r")
+        ax.contourf(px, py, np.clip(snapshot.vorticity[level], -limit, limit), bands, cmap="RdBu_r")
     bx, by = _in_space(snapshot, snapshot.outline[:, 0], snapshot.outline[:, 1])
-    axes.plot(bx, by, color="black", linewidth=2.0, solid_capstyle="round")
+    ax.plot(bx, by, color="black", linewidth=2.0, solid_capstyle="round")
     px, py = snapshot.x[shown - 1], snapshot.y[shown - 1]
-    axes.set(
+    ax.set(
         xlim=x or (px.min(), px.max()), ylim=y or (py.min(), py.max()), aspect="equal", xlabel="$x/c$", ylabel="$y/c$"
     )
-    axes.set_title(f"vorticity, $tU/c = {snapshot.time:.2f}$")
-    return axes
+    ax.set_title(f"vorticity, $tU/c = {snapshot.time:.2f}$")
+    return ax
 
 
 def animate(
@@ -87,13 +93,24 @@ def animate(
     SaveError
         (An `OSError`.) If the file cannot be written.
     """
+    file_name("path", path)
+    if not os.fspath(path).lower().endswith(".gif"):
+        raise refused(ValueError, "path", path, "a name that ends in .gif")
+    whole_number("frames_per_second", frames_per_second, least=1, most=1000)
+    instance_of("snapshots", snapshots, list, "a list of snapshots, dns.Snapshots(every=...).taken")
+    for snapshot in snapshots:
+        result("an entry of snapshots", snapshot, "Snapshot")
+    real_number("limit", limit, above=0.0)
+    for name, given in (("x", x), ("y", y)):
+        if given is not None:
+            interval(name, given)
     if not snapshots:
         raise ValueError("there are no snapshots; collect some with dns.Snapshots(every=...) as the callback of run")
-    figure, axes = plt.subplots(figsize=(7.0, 4.0), dpi=80, layout="constrained")
+    figure, ax = plt.subplots(figsize=(7.0, 4.0), dpi=80, layout="constrained")
     frames = []
     for snapshot in snapshots:
-        axes.clear()
-        plot_vorticity(snapshot, axes, limit=limit, x=x, y=y)
+        ax.clear()
+        plot_vorticity(snapshot, ax, limit=limit, x=x, y=y)
         picture = io.BytesIO()
         figure.savefig(picture, format="png")
         frames.append(Image.open(picture).convert("RGB"))
@@ -105,12 +122,13 @@ def animate(
 
 def plot_loads(history: History, ax: Axes | None = None) -> Axes:
     """Draw C_L and C_D over time."""
-    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
-    axes.plot(history.load_time, history.lift, label="$C_L$")
-    axes.plot(history.load_time, history.drag, label="$C_D$")
-    axes.set(xlabel="$tU/c$")
-    axes.legend()
-    return axes
+    result("history", history, "History")
+    ax = axes(ax)
+    ax.plot(history.load_time, history.lift, label="$C_L$")
+    ax.plot(history.load_time, history.drag, label="$C_D$")
+    ax.set(xlabel="$tU/c$")
+    ax.legend()
+    return ax
 
 
 def _in_space(snapshot: Snapshot, x: Array, y: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations
 from hbnlp.solutions.solution import Solution
 
-NEWTON = Newton(tol=1e-12)
+NEWTON = Newton()
 
 
 def solution_between(curve: Equations, before: Array, after: Array, value: float) -> Solution:

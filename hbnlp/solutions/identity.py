@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbnlp.continuation.curve import TINY
-from hbnlp.core.checks import counted, real_number
+from hbnlp.core.checks import counted, real_number, refused
 from hbnlp.core.types import Array
 from hbnlp.fourier import resize, shift, stretch
 from hbnlp.systems.symmetry import PERIOD, Symmetry
@@ -141,6 +141,9 @@ def broken_in(solution: Solution, direction: Array, *, floor: float = 0.0) -> Sy
 
 def _comparable(a: Solution, b: Solution, tol: float) -> bool:
     """Return whether two solutions are of as many displacements, and at the same parameters."""
+    for name, value in (("a", a), ("b", b)):
+        if not hasattr(value, "coefficients") or not hasattr(value, "statistics"):
+            raise refused(TypeError, name, value, "a Solution")
     real_number("tol", tol, above=0.0)
     if a.coefficients.shape[0] != b.coefficients.shape[0] or a.parameters.keys() != b.parameters.keys():
         return False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,8 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.curve import relative_residual
+from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.interrupts import INTERRUPTS, check_interrupts
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.locks import lasting_lock
 from hbnlp.core.types import Array
@@ -37,10 +39,8 @@ class Ipopt:
     max_iterations: int = 500
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tol < 1e-2:
-            raise ValueError(f"tol = {self.tol!r}; a tolerance between 0 and 0.01 is needed")
-        if self.max_iterations < 1:
-            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+        real_number("tol", self.tol, above=0.0, below=1e-2)
+        whole_number("max_iterations", self.max_iterations, least=1)
 
     def options(self) -> dict[str, object]:
         """Return the options of CasADi's ``nlpsol``."""
@@ -90,10 +90,49 @@ class FreeParameters:
 _ALONE = lasting_lock()
 
 
-def run(solver: ca.Function, **arguments: Any) -> tuple[dict[str, ca.DM], dict[str, Any]]:
-    """Return the answer of an IPOPT solver and its statistics; of several threads, one at a time is in IPOPT."""
-    with _ALONE:
-        return solver(**arguments), solver.stats()
+class Solver:
+    """A program compiled for IPOPT, which Ctrl-C ends after an iteration.
+
+    Parameters
+    ----------
+    program : mapping of "x", "p", "f", "g" to casadi.MX
+    options : mapping
+        Of CasADi's ``nlpsol``.
+    """
+
+    @by_one_thread
+    def __init__(self, program: Mapping[str, ca.MX], options: Mapping[str, object]) -> None:
+        sizes = {key: expression.numel() for key, expression in program.items()}
+        self._watch = _Watch(sizes)  # CasADi keeps a bare pointer
+        self._function = ca.nlpsol("solver", "ipopt", program, {**options, "iteration_callback": self._watch})
+
+    def __call__(self, **arguments: Any) -> tuple[dict[str, ca.DM], dict[str, Any]]:
+        """Return the answer of IPOPT and its statistics; of several threads, one at a time is in IPOPT."""
+        with _ALONE:
+            answer = self._function(**arguments), self._function.stats()
+        check_interrupts()
+        return answer
+
+
+class _Watch(ca.Callback):  # type: ignore[misc]
+    """What CasADi asks after each iteration of IPOPT: to stop, by 1, or to go on."""
+
+    def __init__(self, sizes: Mapping[str, int]) -> None:
+        super().__init__()
+        self._sizes = sizes
+        self.construct("watch", {})
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i).removeprefix("lam_")])
+
+    def eval(self, _state: Sequence[ca.DM]) -> list[int]:
+        return [int(INTERRUPTS.noted)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,11 +200,11 @@ def minimise(
     f, g = substituted(ca.MX(objective)), substituted(problem.g) / sizes.force
     f, g = ca.substitute([f, g], [substituted.unknowns], [scale * scaled])
     program = {"x": scaled, "p": problem.p, "f": f, "g": g}
-    solver = by_one_thread(ca.nlpsol)("solver", "ipopt", program, method.options())
+    solver = Solver(program, method.options())
     unbounded = np.tile([-np.inf, np.inf], (problem.size, 1))
     lower, upper = (np.vstack([unbounded, limits]) / scale[:, None]).T
     x0 = np.append(x, values[places]) / scale
-    answer, statistics = run(solver, x0=x0, p=values, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
+    answer, statistics = solver(x0=x0, p=values, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
     found = scale * answer["x"].full().ravel()
     there = values.copy()
     there[places] = found[problem.size :]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.checks import real_number, refused, whole_number
 from hbnlp.core.kept import by_one_thread
 from hbnlp.solutions.sizes import Sizes
 
@@ -30,12 +31,10 @@ class Rootfinder:
 
     def __post_init__(self) -> None:
         known = ("newton", "fast_newton", "kinsol")
-        if self.plugin not in known:
-            raise ValueError(f"plugin = {self.plugin!r}; one of {', '.join(known)} is needed")
-        if not 0.0 < self.tol < 1e-2:
-            raise ValueError(f"tol = {self.tol!r}; a tolerance between 0 and 0.01 is needed")
-        if self.max_iterations < 1:
-            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+        if not isinstance(self.plugin, str) or self.plugin not in known:
+            raise refused(ValueError, "plugin", self.plugin, f"one of {', '.join(known)}")
+        real_number("tol", self.tol, above=0.0, below=1e-2)
+        whole_number("max_iterations", self.max_iterations, least=1)
 
     @by_one_thread
     def solver(self, problem: HarmonicBalance, sizes: Sizes) -> ca.Function:

@@ -14,8 +14,10 @@ from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, list_of_callables
+from hbnlp.core.checks import instance_of, interval, list_of, list_of_callables, real_number, whole_number
 from hbnlp.core.errors import ConvergenceError, NonFiniteError
+from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import attempt
@@ -64,18 +66,17 @@ class Search:
     newton: Newton = Newton()
 
     def __post_init__(self) -> None:
-        if self.n_starts < 0 or self.n_deflated < 0:
-            raise ValueError(f"n_starts = {self.n_starts!r}, n_deflated = {self.n_deflated!r}; neither can be negative")
-        if not 0.0 < self.amplitudes[0] <= self.amplitudes[1]:
-            raise ValueError(f"amplitudes = {self.amplitudes!r}; two positive numbers in rising order are needed")
-        if not self.largest_load >= 0.0:
-            raise ValueError(f"largest_load = {self.largest_load!r}; zero (off) or a number above 1 is needed")
-        if not 0.0 < self.separation < 1.0:
-            raise ValueError(f"separation = {self.separation!r}; a number between 0 and 1 is needed")
-        if self.max_iterations < 1:
-            raise ValueError(f"max_iterations = {self.max_iterations!r}; at least 1 is needed")
+        whole_number("n_starts", self.n_starts, least=0)
+        interval("amplitudes", self.amplitudes, above=0.0)
+        whole_number("n_deflated", self.n_deflated, least=0)
+        real_number("largest_load", self.largest_load, least=0.0, advice=": zero for off, or more than 1")
+        real_number("separation", self.separation, above=0.0, below=1.0)
+        whole_number("max_iterations", self.max_iterations, least=1)
+        instance_of("newton", self.newton, Newton, "Newton(...)")
 
 
+@interrupts_kept(returns=True)
+@renamed_arguments()
 def find_all(
     problem: HarmonicBalance,
     *,
@@ -130,6 +131,7 @@ def find_all(
     instance_of("method", method, Search | None, "hbnlp.Search(...)")
     instance_of("rng", rng, np.random.Generator | None, "a Generator, numpy.random.default_rng(seed)")
     list_of_callables("callbacks", callbacks)
+    list_of("known", known, Solution, "a list of solutions, [solution]")
     options, rng = method or Search(), rng or np.random.default_rng(0)
     values = problem.values(at)
     motions = _Motions(problem, values, options)

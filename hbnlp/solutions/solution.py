@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import position
+from hbnlp.core.checks import finite_array, position, refused
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
 from hbnlp.core.types import Array, ComplexArray
@@ -82,16 +82,16 @@ class Solution:
 
     def signal(self, output: str, t: ArrayLike) -> Array:
         """Return a named output at times t, from its harmonics (exact for outputs that are linear)."""
-        return np.asarray(self._at(t) @ to_real(self.harmonics(output)))
+        return np.asarray(self._at(_times(t)) @ to_real(self.harmonics(output)))
 
     def displacement(self, t: ArrayLike) -> Array:
         """Return q at times t: array (n_dof, len(t))."""
-        return self.coefficients @ self._at(t).T
+        return self.coefficients @ self._at(_times(t)).T
 
     def velocity(self, t: ArrayLike) -> Array:
         """Return q' at times t: array (n_dof, len(t))."""
         rate = self.omega / self.periods
-        return rate * self.coefficients @ basis_derivatives(rate * np.asarray(t, dtype=float), self.n_harmonics).T
+        return rate * self.coefficients @ basis_derivatives(rate * _times(t), self.n_harmonics).T
 
     @property
     def symmetries(self) -> tuple[Symmetry, ...]:
@@ -173,6 +173,13 @@ def _function(problem: HarmonicBalance, expression: ca.MX) -> ca.Function:
     return ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
 
 
+def _times(t: ArrayLike) -> Array:
+    times: Array = finite_array("t", t)
+    if times.ndim > 1:
+        raise refused(ValueError, "t", t, "a time, or an array of times (k,)")
+    return times
+
+
 class Attachable(Protocol):
     """A record that knows its problem, unless it came from a file."""
 
@@ -220,7 +227,8 @@ def guess_for(problem: HarmonicBalance, near: Solution | ArrayLike) -> Array:
         If the problem's periods are no multiple of the solution's, or the coefficients have another shape.
     """
     if not isinstance(near, Solution):
-        return problem.vector(near)
+        accepted = (problem.shape[0], None)
+        return problem.vector(finite_array("start", near, accepted, advice=" (2H+1 coefficients), or a Solution"))
     factor, rest = divmod(problem.periods, near.periods)
     if rest or not factor:
         raise ValueError(

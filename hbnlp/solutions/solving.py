@@ -9,16 +9,21 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
-from hbnlp.core.checks import instance_of
+from hbnlp.core.checks import flag, instance_of, refused
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.solutions.attempt import Method, attempt
 from hbnlp.solutions.cold_start import cold_start
 from hbnlp.solutions.solution import Solution, guess_for
 
+LARGEST_LOAD = 1e100
+"""Of larger ones the squares, which norms sum, are no numbers any more."""
+
 
 @renamed_arguments(guess="start")
+@interrupts_kept()
 def solve(
     problem: HarmonicBalance,
     *,
@@ -58,8 +63,13 @@ def solve(
     """
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     values = problem.values(at)
+    problem.system.state_matrices(values)  # a singular mass matrix is said here
+    load = float(np.max(np.abs(problem.assembly.load_derivative(values)), initial=0.0))
+    if load > LARGEST_LOAD:
+        raise refused(ValueError, "the load of forcing or motion", load, f"one up to {LARGEST_LOAD:g}, in other units")
     method = Newton() if method is None else method
     instance_of("method", method, Method, "Newton(), Ipopt() or Rootfinder()")
+    flag("throw", throw)
     if start is not None:
         first = guess_for(problem, start)
         if not np.all(np.isfinite(first)):
@@ -69,7 +79,8 @@ def solve(
         solution = cold_start(problem, values, method)
     if solution.converged or not throw:
         return solution
+    reason, corner = solution.statistics["reason"], problem.corner(solution.coefficients, values)
+    if corner is not None and str(corner) not in str(reason):
+        reason = f"{reason}; perhaps because {corner}"
     point = ", ".join(f"{k}={v:g}" for k, v in solution.parameters.items())
-    raise ConvergenceError(
-        f"no solution at {point}: {solution.statistics['reason']}. {Status.NOT_CONVERGED.value}", solution
-    )
+    raise ConvergenceError(f"no solution at {point}: {reason}. {Status.NOT_CONVERGED.value}", solution)

@@ -17,11 +17,14 @@ from __future__ import annotations
 import numpy as np
 
 from hbnlp.continuation.curve import Bordered
+from hbnlp.core.checks import instance_of
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations, along_parameter
 from hbnlp.solutions.solution import Solution, attached
 
 
+@interrupts_kept()
 def truncation_error(solution: Solution) -> float:
     """Return the estimated error of a solution for want of harmonics, at fixed parameters, relative to its size.
 
@@ -34,6 +37,7 @@ def truncation_error(solution: Solution) -> float:
     ValueError
         If the solution came from a file, without its problem.
     """
+    instance_of("solution", solution, Solution, "a Solution, such as branch.solution(0)")
     problem = attached(solution)
     values = problem.values(solution.parameters)
     curve = along_parameter(problem, values, "omega")

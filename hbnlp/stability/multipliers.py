@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.core.checks import instance_of
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.collocation import Gauss, StepMaps
@@ -225,6 +227,7 @@ def _finite(multipliers: ComplexArray) -> ComplexArray:
     return ordered(multipliers) if np.isfinite(multipliers).all() else np.full(len(multipliers), np.inf + 0j)
 
 
+@interrupts_kept()
 def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResult:
     """Return the Floquet multipliers of one periodic solution, from `hbnlp.solve`, `hbnlp.find_all` or a branch.
 
@@ -239,6 +242,8 @@ def floquet(solution: Solution, *, method: Floquet | None = None) -> FloquetResu
     ValueError
         If the solution did not converge, or came from a file, without its problem.
     """
+    instance_of("solution", solution, Solution, "a Solution, such as branch.solution(0)")
+    instance_of("method", method, Floquet | None, "Floquet(...)")
     problem = attached(solution)
     if not solution.converged:
         raise ValueError("the solution did not converge: it is no motion of the system, and has no stability")

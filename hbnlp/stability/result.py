@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.types import Array, ComplexArray
 
 
@@ -31,14 +32,13 @@ class Floquet:
     max_intervals: int = 8192
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tol < 1.0:
-            raise ValueError(f"tol is {self.tol!r}; a number between 0 and 1 is needed, for instance 1e-6")
-        if not 1 <= self.nodes <= 10:
-            raise ValueError(f"nodes is {self.nodes!r}; 1 to 10 are possible, and 8 is good for most systems")
-        if self.max_intervals < 2:
-            raise ValueError(f"max_intervals is {self.max_intervals!r}; at least 2 are needed, to compare two meshes")
-        if self.intervals is not None and not 1 <= self.intervals <= self.max_intervals:
-            raise ValueError(f"intervals is {self.intervals!r}; 1 to max_intervals = {self.max_intervals} are possible")
+        real_number("tol", self.tol, above=0.0, below=1.0, advice=", for instance 1e-6")
+        whole_number("nodes", self.nodes, least=1, most=10, advice=", 8 is good for most systems")
+        most = whole_number(
+            "max_intervals", self.max_intervals, least=2, most=1_000_000, advice=", to compare two meshes"
+        )
+        if self.intervals is not None:
+            whole_number("intervals", self.intervals, least=1, most=most, advice=", the max_intervals, or None")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,7 +15,7 @@ from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_real
 from hbnlp.integration.first_order import FirstOrderForm, Method
 from hbnlp.integration.response import TimeResponse
-from hbnlp.integration.settling import AUTOMATIC, check_limits, initial_state, settle
+from hbnlp.integration.settling import AUTOMATIC, Settling, check_limits, initial_state
 from hbnlp.sweeps.jumps import UNKNOWN, is_suspicious, relative_change
 from hbnlp.sweeps.records import TimeSweep
 from hbnlp.systems.system import System
@@ -81,7 +81,7 @@ def march(
     list_of_callables("callbacks", callbacks)
     check_limits(periods, max_periods, periodic_tol)
     marched = system.parameters.series(name, values)
-    whole_number("n_harmonics", n_harmonics, least=1)
+    whole_number("n_harmonics", n_harmonics, least=1, most=10_000)
     point = system.parameters.values(at, but=(name,))
     index = system.parameters.index(name)
     form = FirstOrderForm(system)
@@ -89,9 +89,12 @@ def march(
     def respond(value: float, state: Array) -> TimeResponse:
         there = point.copy()
         there[index] = value
-        return settle(
+        settling = Settling(
             form, there, state, method=method, periods=periods, max_periods=max_periods, periodic_tol=periodic_tol
         )
+        for _ in settling.windows():
+            pass
+        return settling.response()
 
     state = initial_state(system, start, np.where(np.arange(point.size) == index, marched[0], point), periods)
     points: list[_Point] = []

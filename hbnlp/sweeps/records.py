@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import instance_of
+from hbnlp.core.checks import instance_of, place
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Entry, Layout, counted_from_one, flag, numbers_by_name, text, texts
 from hbnlp.core.records import AlongParameter, loaded, save_record
@@ -73,6 +73,7 @@ class Sweep(AlongParameter):
 
     def solution(self, index: int) -> Solution:
         """Return one value as a Solution."""
+        index = place("index", index, len(self))
         return Solution(
             coefficients=self.coefficients[index],
             parameters={**self.parameters, self.name: float(self.parameter[index])},
@@ -109,6 +110,9 @@ class Sweep(AlongParameter):
         FileNotFoundError, ValueError
             If there is no such file, it is damaged or holds something else, or the problem is not the sweep's.
         """
+        instance_of(
+            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
+        )
         with loaded(path, _SWEEP) as content:
             sweep = cls(**content, problem=problem)
         solved = np.flatnonzero(sweep.converged)
@@ -195,7 +199,7 @@ class TimeSweep(AlongParameter):
 
     def solution(self, index: int) -> Solution:
         """Return one response as a Solution: a start for a balance, or to compare with it."""
-        n_harmonics = self.amplitudes.shape[2] - 1
+        index, n_harmonics = place("index", index, len(self)), self.amplitudes.shape[2] - 1
         problem = None
         if self.system is not None:
             problem = HarmonicBalance(self.system, n_harmonics, periods=self.periods)
@@ -237,6 +241,7 @@ class TimeSweep(AlongParameter):
         TypeError
             If ``system`` is something else.
         """
+        instance_of("system", system, System | None, "the System of the record, or None")
         with loaded(path, _TIME_SWEEP) as content:
             if content["coefficients"] is None:
                 n_points, _, length = content["amplitudes"].shape

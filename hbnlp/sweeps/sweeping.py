@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, list_of_callables
+from hbnlp.core.checks import flag, instance_of, list_of_callables, refused
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.integration.first_order import Method
 from hbnlp.solutions.solution import Solution
@@ -48,6 +49,7 @@ def sweep(
     find_jumps: bool | None = None,
 ) -> TimeSweep: ...
 @renamed_arguments(initial="start")
+@interrupts_kept(returns=True)
 def sweep(
     subject: HarmonicBalance | System,
     name: str,
@@ -110,6 +112,15 @@ def sweep(
         "find_jumps": find_jumps,
     }
     options: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    if isinstance(values, tuple) and len(values) == 2:
+        raise refused(
+            ValueError,
+            "values",
+            values,
+            "all values to march through, numpy.linspace(begin, end, 50), or two as a list",
+        )
+    if find_jumps is not None:
+        flag("find_jumps", find_jumps)
     if isinstance(subject, System):
         options |= {"method": method} if method is not None else {}
         return march(subject, name, values, at=at, start=start, callbacks=callbacks, **options)

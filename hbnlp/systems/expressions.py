@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from hbnlp.core.checks import finite_array
 from hbnlp.core.types import Array
+from hbnlp.systems.calling import called
 from hbnlp.systems.parameters import Namespace
 
 IRRATIONAL = float(np.sqrt(np.pi))
@@ -18,6 +22,7 @@ PHASES = 16
 """Where periodicity is tested."""
 LONGEST_PERIOD = 12
 """Up to so many periods are tried for what is not periodic in one, to say so."""
+_ENTRIES = (ca.SX, ca.DM, float, int, np.generic, np.ndarray)
 
 Matrix = ArrayLike | Callable[[Any], Any]
 Force = Callable[[ca.SX, ca.SX, ca.SX, Any], Any]
@@ -48,9 +53,12 @@ def compiled_outputs(
     a, x = ca.SX.sym("a", q.numel()), ca.SX.sym("x", n_lags)
     du, ddu = motion_derivatives(motion, tau, named.omega)
     signals = {"q": q, "v": v, "a": a, "x": x, "u": motion, "du": du, "ddu": ddu, "tau": tau, "p": named}
-    seen, arguments, rows = Namespace("signal", signals), [q, v, a, x, tau, p], []
+    arguments, rows = [q, v, a, x, tau, p], []
     for name, rule in rules.items():
-        rows.append(column(f"output {name!r}", rule(seen), 1))
+        # copies for each: a rule that writes into its q would change what the next one sees
+        copies = {key: ca.SX(each) if isinstance(each, ca.SX) else each for key, each in signals.items()}
+        seen = Namespace("signal", copies)
+        rows.append(column(f"output {name!r}", called(f"output {name!r}", rule, s=seen), 1))
         check_symbols(f"output {name!r}", rows[-1], arguments)
     return ca.Function("outputs", arguments, [ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)])
 
@@ -59,11 +67,11 @@ def matrix(what: str, given: Matrix | None, p: ca.SX, named: Any, shape: tuple[i
     """Return a user's matrix, which may be a callable of the parameters by name; ``shape`` None: square of any size."""
     if given is None and shape is not None:
         return ca.SX.zeros(*shape)
-    value = given(named) if callable(given) else given
+    value = called(what, given, p=named) if callable(given) else given
     if isinstance(value, ca.SX | ca.DM):
         read = ca.SX(value)
     else:
-        array = np.array(value, dtype=object)
+        array = _array(what, value)
         if array.ndim == 0:
             array = array.reshape(1, 1)
         if array.ndim != 2:
@@ -75,38 +83,59 @@ def matrix(what: str, given: Matrix | None, p: ca.SX, named: Any, shape: tuple[i
         shape = (read.shape[0], read.shape[0])
     if read.shape != shape:
         raise ValueError(f"{what} has shape {read.shape}; {shape} is needed")
+    read = _with_finite_numbers(what, read)
     check_symbols(what, read, [p])
-    return _with_finite_numbers(what, read)
+    return read
 
 
-def column(what: str, value: Any, size: int | None = None) -> ca.SX:
-    """Return a user's value as a column of ``size`` expressions."""
+def column(what: str, value: Any, size: int | None = None, *, each: str = "") -> ca.SX:
+    """Return what a user's function gave as a column of ``size`` expressions; ``each`` says of what."""
     if isinstance(value, ca.SX | ca.DM):
         read = ca.SX(value)
+        shape = read.shape
         read = read.T if read.shape[0] == 1 and read.shape[1] > 1 else read
     else:
+        entries = _array(what, value)
+        shape = entries.shape
         read = ca.SX(0, 1)
-        for entry in np.atleast_1d(np.array(value, dtype=object)).ravel():
+        for entry in entries.ravel():
             read = ca.vertcat(read, _expression(what, entry))
-    if read.shape[1] != 1 or (size is not None and read.shape[0] != size):
-        raise ValueError(f"{what} returned shape {read.shape}; {size} expressions are needed, one a degree of freedom")
+    if sum(length > 1 for length in shape) > 1:
+        raise ValueError(f"{what} returned a matrix of shape {shape}; a list of expressions is needed")
+    if size is not None and read.shape[0] != size:
+        returned = f"{read.shape[0]} expression{'s' if read.shape[0] != 1 else ''}"
+        raise ValueError(f"{what} returned {returned}; {size} {'is' if size == 1 else 'are'} needed{each}")
     return _with_finite_numbers(what, ca.densify(read))
 
 
-def _expression(what: str, entry: Any) -> ca.SX:
+def _array(what: str, value: Any) -> NDArray[np.object_]:
+    """Return what a user gave, numbers and expressions in lists or arrays, as an array of them."""
     try:
-        return ca.SX(entry)
-    except NotImplementedError:
+        return np.array(value, dtype=object)
+    except Exception as error:  # earlier releases of CasADi raise nothing more special
         raise ValueError(
-            f"{what} has the entry {entry!r}; a number or an expression of the symbols given to it is needed"
-        ) from None
+            f"{what} is a list with columns in it; one column, such as ca.vertcat(a, b), or a list of single "
+            "expressions, such as [q[0], q[1]], is needed"
+        ) from error
+
+
+def _expression(what: str, entry: Any) -> ca.SX:
+    if isinstance(entry, _ENTRIES) and not isinstance(entry, bool | np.bool_):
+        with suppress(NotImplementedError):
+            return ca.SX(entry)
+    shown = textwrap.shorten(repr(entry), 80, placeholder=" ...")
+    raise ValueError(f"{what} has the entry {shown}; a number or an expression of the symbols given to it is needed")
 
 
 def check_symbols(what: str, expression: ca.SX, arguments: list[ca.SX]) -> None:
     """Raise a ValueError if an expression uses other symbols than these."""
-    strange = ca.Function("check", arguments, [expression], {"allow_free": True}).get_free()
+    function = ca.Function("check", arguments, [expression], {"allow_free": True})
+    strange = function.get_free()
     if strange:
         raise ValueError(f"{what} uses {strange[0]!r}, which is neither its argument nor a parameter")
+    constants = (k for k in range(function.n_instructions()) if function.instruction_id(k) == ca.OP_CONST)
+    if any(np.isnan(function.instruction_constant(k)) for k in constants):
+        raise ValueError(f"{what} has the number nan in it, and so no value; look at the numbers that it takes")
 
 
 class Phased(NamedTuple):
@@ -164,10 +193,7 @@ def numbers(what: str, given: ArrayLike | None, shape: tuple[int, int] | None) -
     """Return a constant matrix, checked; ``shape`` None: square of any size."""
     if given is None:
         return np.zeros(shape or (0, 0))
-    array = np.array(given, dtype=float)
-    wanted = shape or (array.shape[0], array.shape[0])
-    if array.ndim != 2 or array.shape != wanted:
-        raise ValueError(f"{what} has shape {array.shape}; {wanted} is needed")
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"{what} has entries that are not finite")
+    array: Array = finite_array(what, given, (None, None) if shape is None else shape)
+    if shape is None and array.shape[0] != array.shape[1]:
+        raise ValueError(f"{what} has shape {array.shape}; give a square matrix")
     return array

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -67,7 +68,8 @@ class Invariance:
 
     def _values(self, at: Mapping[str, float] | Array | None) -> Array:
         """Return all values in order, 1 where there is none."""
-        values = self._parameters.values(at, but=("omega",)) if at is None or isinstance(at, Mapping) else at
+        inside = isinstance(at, np.ndarray) and at.shape == (len(self._parameters.names),) and at.dtype == float
+        values = at if inside else self._parameters.values(cast("Mapping[str, float] | None", at), but=("omega",))
         complete: Array = np.nan_to_num(np.array(values, dtype=float), nan=1.0)
         return complete
 
@@ -108,7 +110,7 @@ def angle_positions(given: Sequence[str | int], names: Mapping[str, int], n_dof:
     for angle in given:
         if isinstance(angle, str):
             if angle not in names:
-                raise KeyError(unknown_name("displacement", angle, names))
+                raise KeyError(f"angles: {unknown_name('displacement', angle, names)}")
             positions.add(names[angle])
         else:
             positions.add(whole_number("an entry of angles", angle, least=0, most=n_dof - 1, advice=", or a name"))

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
-from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.checks import finite_array, instance_of, two_values, whole_number
 from hbnlp.core.errors import LinearInstabilityWarning
+from hbnlp.core.interrupts import check_interrupts, interrupts_kept
 from hbnlp.core.renamed import renamed_arguments, renamed_name
 from hbnlp.core.types import ComplexArray
 from hbnlp.systems.parameters import OMEGA
@@ -25,6 +26,8 @@ Point = tuple[float, ComplexArray]
 ROUND_OFF = 1e-10
 
 
+@interrupts_kept()
+@renamed_arguments()
 def eigenvalues(
     system: System, at: Mapping[str, float] | None = None, *, rest: ArrayLike | None = None
 ) -> ComplexArray:
@@ -50,6 +53,7 @@ def eigenvalues(
         For a parameter that is not known, or a value that is no finite number or missing, omega's included where the
         linearisation depends on it.
     """
+    instance_of("system", system, System, "a System, such as problem.system")
     values = np.asarray(np.linalg.eigvals(system.linearisation(at, rest=rest)), dtype=complex)
     return values[np.lexsort((-values.imag, -values.real))]
 
@@ -116,6 +120,7 @@ class StabilityLimit:
 
 
 @renamed_arguments(parameter="name")
+@interrupts_kept()
 def stability_limits(
     system: System,
     name: str,
@@ -154,19 +159,19 @@ def stability_limits(
     ValueError
         If the span has zero length or is not finite, or ``name`` is omega and the linearisation does not depend on it.
     """
+    instance_of("system", system, System, "a System, such as problem.system")
     system.parameters.index(name)
+    system.parameters.values(at, but=(name, OMEGA))
+    rest = None if rest is None else finite_array("rest", rest, (system.n_dof,))
     if name == OMEGA and not depends_on_omega(system, rest):
         raise ValueError(
             f"name is 'omega', the forcing's frequency, on which linear stability of {system.name!r} does not depend"
         )
-    n_points = whole_number("n_points", n_points, least=2)
-    if len(span) != 2:
-        raise ValueError(f"span is {span!r}; give two values, the lowest and the highest")
-    low, high = sorted(real_number("span", value) for value in span)
-    if low == high:
-        raise ValueError(f"span is {tuple(span)!r}, of zero length; give two different values of {name}")
+    n_points = whole_number("n_points", n_points, least=2, most=1_000_000)
+    low, high = sorted(two_values("span", span, f"values of {name}"))
 
     def spectrum(value: float) -> Point:
+        check_interrupts()
         return value, eigenvalues(system, {**(at or {}), name: value}, rest=rest)
 
     by_ratio = low * high > 0.0 and max(abs(low), abs(high)) > 10.0 * min(abs(low), abs(high))

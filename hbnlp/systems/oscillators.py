@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from hbnlp.core.checks import real_number, whole_number
 from hbnlp.systems.system import System
 
 
@@ -14,6 +15,8 @@ def duffing(*, damping_ratio: float = 0.025, cubic: float = 0.1, force: float = 
     Parameters ``damping_ratio`` (z), ``cubic`` (g) and ``force`` (F); the defaults are the first example of NLvib
     (Krack and Gross 2019, doi:10.1007/978-3-030-14023-6).
     """
+    for name, value in (("damping_ratio", damping_ratio), ("cubic", cubic), ("force", force)):
+        real_number(name, value)
     return System(
         [[1.0]],
         lambda p: [[2.0 * p.damping_ratio]],
@@ -51,8 +54,9 @@ def chain(n_masses: int = 10, *, damping: float = 0.02, cubic: float = 0.5, forc
     ValueError
         If there is no mass.
     """
-    if n_masses < 1:
-        raise ValueError(f"n_masses = {n_masses!r}; at least 1 is needed")
+    n_masses = whole_number("n_masses", n_masses, least=1, most=1000)
+    for name, value in (("damping", damping), ("cubic", cubic), ("force", force)):
+        real_number(name, value)
     springs = 2.0 * np.eye(n_masses) - np.eye(n_masses, k=1) - np.eye(n_masses, k=-1)
     springs[-1, -1] = 1.0
     return System(
@@ -101,6 +105,15 @@ def tuned_absorber(
     Detroux, Habib, Masset, Kerschen (2015), Mech. Syst. Signal Process. 60-61, 799-809,
     doi:10.1016/j.ymssp.2015.01.035.
     """
+    given = {
+        "force": force,
+        "mass_ratio": mass_ratio,
+        "damping": damping,
+        "absorber_stiffness": absorber_stiffness,
+        "absorber_damping": absorber_damping,
+        "absorber_cubic": absorber_cubic,
+    }
+    parameters = {name: real_number(name, value) for name, value in given.items()}
     tie = ca.DM([[1.0, -1.0], [-1.0, 1.0]])
     host = ca.DM([[1.0, 0.0], [0.0, 0.0]])
     return System(
@@ -112,13 +125,6 @@ def tuned_absorber(
             p.absorber_cubic * (q[1] - q[0]) ** 3,
         ],
         forcing=lambda tau, p: [p.force * ca.cos(tau), 0.0],
-        parameters={
-            "force": force,
-            "mass_ratio": mass_ratio,
-            "damping": damping,
-            "absorber_stiffness": absorber_stiffness,
-            "absorber_damping": absorber_damping,
-            "absorber_cubic": absorber_cubic,
-        },
+        parameters=parameters,
         name="oscillator with nonlinear tuned absorber",
     )

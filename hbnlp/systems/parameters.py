@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import as_float, finite_numbers, instance_of, unknown_name
+from hbnlp.core.checks import as_float, finite_numbers, instance_of, position, refused, two_values, unknown_name
 from hbnlp.core.types import Array
 
 OMEGA = "omega"
@@ -56,24 +56,22 @@ class ParameterSet:
     """Ordered parameter names with default values; a value of ``nan`` is "to be given"."""
 
     def __init__(self, defaults: Mapping[str, float]) -> None:
+        instance_of("parameters", defaults, Mapping, "a mapping of names to values, such as {'force': 1.0}")
         entries = dict(defaults)
         entries.setdefault(OMEGA, np.nan)
         self.defaults: dict[str, float] = {}
         for name, value in entries.items():
-            if not name.isidentifier():
-                raise ValueError(f"parameter name {name!r} is not a Python identifier; rename it")
+            if not isinstance(name, str) or not name.isidentifier():
+                raise refused(ValueError, "a name of parameters", name, "a Python identifier, such as 'force'")
             number = as_float(value)
             if number is None or np.isinf(number):
-                raise ValueError(f"parameter {name!r} has the value {value!r}; a finite number is needed")
+                raise refused(ValueError, f"parameter {name!r}", value, "a finite number")
             self.defaults[name] = number
         self.names: tuple[str, ...] = tuple(entries)
 
     def index(self, name: str) -> int:
         """Return the position of ``name``, or raise a KeyError with the nearest known name."""
-        try:
-            return self.names.index(name)
-        except ValueError:
-            raise KeyError(unknown_name("parameter", name, self.names)) from None
+        return position("parameter", name, self.names)
 
     def values(self, at: Mapping[str, float] | None = None, *, but: Iterable[str] = ()) -> Array:
         """Return all values in order, the defaults overridden by ``at``.
@@ -98,7 +96,7 @@ class ParameterSet:
                 self.index(name)
                 number = as_float(value)
                 if number is None or not np.isfinite(number):
-                    raise ValueError(f"parameter {name!r} was given as {value!r}; a finite number is needed")
+                    raise refused(ValueError, f"parameter {name!r}", value, "a finite number")
                 merged[name] = number
         free = set(but)
         for name in free:
@@ -139,17 +137,13 @@ class ParameterSet:
             For anything but two different finite numbers, or an omega that is not positive.
         """
         self.index(name)
-        wrong = f"{what} = {span!r}; two finite values of {name} are needed, where to begin and where to end"
-        ends = [as_float(end) for end in span] if isinstance(span, Iterable) else []
-        numbers = [end for end in ends if end is not None and np.isfinite(end)]
-        if len(ends) != 2 or len(numbers) != 2:
-            raise ValueError(wrong)
-        begin, end = numbers
-        if begin == end:
-            raise ValueError(f"{what} = {span!r} has no length; give two different values of {name}")
+        begin, end = two_values(what, span, f"values of {name}")
         if name == OMEGA and min(begin, end) <= 0.0:
-            raise ValueError(
-                f"{what} = {span!r} reaches omega = 0, where the period is infinite; begin above, for instance at 1e-3"
+            raise refused(
+                ValueError,
+                what,
+                span,
+                "two values above omega = 0, where the period is infinite: from 1e-3 on",
             )
         return begin, end
 

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.core.interrupts import check_interrupts
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
@@ -55,6 +56,7 @@ def linear_response(
     matrix, varies = None, depends_on_omega(system)
     amplitudes = np.empty(frequencies.shape, dtype=complex)
     for position in np.ndindex(frequencies.shape):
+        check_interrupts()
         values = base.copy()
         values[slot] = frequencies[position]
         s = 1j * values[slot]

@@ -8,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
-from hbnlp.core.checks import instance_of, real_number
+from hbnlp.core.checks import instance_of, real_number, refused, whole_number
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array
 
@@ -56,7 +56,10 @@ class Symmetry(ReadOnlyArrays):
 
     def __post_init__(self) -> None:
         instance_of("name", self.name, str, "a text")
-        matrix = np.array(self.matrix, dtype=float, ndmin=2)
+        try:
+            matrix = np.array(self.matrix, dtype=float, ndmin=2)
+        except (TypeError, ValueError, OverflowError, RuntimeError):
+            raise refused(TypeError, "matrix", self.matrix, "an array of real numbers, (n_dof, n_dof)") from None
         if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
             raise ValueError(
                 f"the matrix of symmetry {self.name!r} has shape {matrix.shape}; give a square one, (n_dof, n_dof)"
@@ -74,7 +77,7 @@ class Symmetry(ReadOnlyArrays):
     @classmethod
     def identity(cls, n_dof: int) -> Symmetry:
         """Return what takes every motion to itself."""
-        return cls(np.eye(n_dof), name="identity")
+        return cls(np.eye(whole_number("n_dof", n_dof, least=1, most=10_000)), name="identity")
 
     @property
     def n_dof(self) -> int:

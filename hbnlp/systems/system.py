@@ -10,10 +10,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import unknown_name
+from hbnlp.core.checks import finite_array, position, refused, text
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.types import Array
+from hbnlp.systems.calling import called
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.definition import Definition
 from hbnlp.systems.equivariance import Equivariance
@@ -36,6 +37,7 @@ from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmet
 from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.symmetry import Symmetry
+from hbnlp.systems.terms import check_functions, check_lags, check_motion
 
 
 class System:
@@ -81,7 +83,10 @@ class System:
     ------
     ValueError
         For a matrix or force of the wrong shape, a value that is not finite, or a symmetry or angle that the equations
-        do not have: the message says in which term, and by how much.
+        do not have: the message says in which term, and by how much. Also for whatever a user's function raises: the
+        message says in which line, and what to write; the error itself is its cause.
+    TypeError
+        For a function of other arguments than its own.
     KeyError
         For an angle that is no displacement.
 
@@ -134,7 +139,18 @@ class System:
         angles: Sequence[str | int] = (),
         name: str = "system",
     ) -> None:
-        known = ParameterSet(parameters or {})
+        text("name", name)
+        check_functions(nonlinear_force, forcing, motion, outputs)
+        inputs = {
+            "input_stiffness": input_stiffness,
+            "input_damping": input_damping,
+            "input_mass": input_mass,
+            "lag_motion": lag_motion,
+        }
+        for what, matrix_given in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
+            if matrix_given is None:
+                raise refused(ValueError, what, matrix_given, "a matrix, of zeros where there is none")
+        known = ParameterSet({} if parameters is None else parameters)
         p, tau = ca.SX.sym("p", len(known.names)), ca.SX.sym("tau")
         named = Namespace("parameter", {key: p[i] for i, key in enumerate(known.names)})
 
@@ -142,21 +158,30 @@ class System:
         n = m_q.shape[0]
         d_q, k_q = matrix("damping", damping, p, named, (n, n)), matrix("stiffness", stiffness, p, named, (n, n))
 
-        u = column("motion", motion(tau, named)) if motion else ca.SX(0, 1)
+        u = ca.SX(0, 1) if motion is None else column("motion", called("motion", motion, tau=tau, p=named))
         n_u = u.shape[0]
         k_u = matrix("input_stiffness", input_stiffness, p, named, (n, n_u))
         d_u = matrix("input_damping", input_damping, p, named, (n, n_u))
         m_u = matrix("input_mass", input_mass, p, named, (n, n_u))
 
+        if lag_state is None:
+            check_lags(lag_state, lag_input, lag_motion, lag_output)
         a_x = numbers("lag_state", lag_state, None)
         m = a_x.shape[0]
         b_q, b_u = numbers("lag_input", lag_input, (m, n)), numbers("lag_motion", lag_motion, (m, n_u))
         l_x = matrix("lag_output", lag_output, p, named, (n, m))
 
         q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
-        force = column("nonlinear_force", nonlinear_force(q, v, tau, named), n) if nonlinear_force else ca.SX.zeros(n)
-        load = column("forcing", forcing(tau, named), n) if forcing else ca.SX.zeros(n)
+        force, load = ca.SX.zeros(n), ca.SX.zeros(n)
+        if nonlinear_force is not None:
+            value = called("nonlinear_force", nonlinear_force, q=q, v=v, tau=tau, p=named)
+            force = column("nonlinear_force", value, n, each=", one for each degree of freedom")
+        if forcing is not None:
+            value = called("forcing", forcing, tau=tau, p=named)
+            load = column("forcing", value, n, each=", one for each degree of freedom")
         _check_signals(known, force, load, u, (q, v, tau, p))
+        check_motion(motion, inputs, outputs)
+        check_lags(lag_state, lag_input, lag_motion, lag_output)
         rules = dict(outputs) if outputs is not None else displacements(n)
         signals = compiled_outputs(rules, (q, v, tau, p), u, m, named)
         self._set_up(
@@ -253,9 +278,7 @@ class System:
 
     def output_index(self, name: str) -> int:
         """Return the position of output ``name``, or raise a KeyError with the nearest known name."""
-        if name not in self.output_names:
-            raise KeyError(unknown_name("output", name, self.output_names))
-        return self.output_names.index(name)
+        return position("output", name, self.output_names)
 
     def state_matrices(self, values: Array) -> tuple[Array, Array, Array, Array]:
         """Return M, D, K and L_x as numbers at the parameter values (ordered, n_parameters).
@@ -290,7 +313,7 @@ class System:
                     "at={'omega': 1.0}"
                 )
             values = np.where(np.isnan(values), 1.0, values)
-        q0 = np.zeros(self.n_dof) if rest is None else np.asarray(rest, dtype=float)
+        q0 = np.zeros(self.n_dof) if rest is None else finite_array("rest", rest, (self.n_dof,))
         plant = Plant(*self.state_matrices(values), self.lag_state, self.lag_input)
         force_q, force_v = self.compiled_force.tangents(q0, np.zeros(self.n_dof), 0.0, values)
         if not np.all(np.isfinite(force_q)) or not np.all(np.isfinite(force_v)):
@@ -347,7 +370,7 @@ class System:
 @by_one_thread
 def depends_on_omega(system: System, rest: ArrayLike | None = None) -> bool:
     """Return whether the linearisation depends on omega: a matrix, or the derivative of the nonlinear force at rest."""
-    q0 = np.zeros(system.n_dof) if rest is None else np.asarray(rest, dtype=float)
+    q0 = np.zeros(system.n_dof) if rest is None else finite_array("rest", rest, (system.n_dof,))
     slope = ca.jacobian(system.force, ca.vertcat(system.q, system.v))
     state = ca.vertcat(system.q, system.v, system.tau)
     slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(system.n_dof + 1)]))

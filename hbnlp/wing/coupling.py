@@ -17,14 +17,17 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hbnlp.aero import AeroROM
-from hbnlp.core.checks import instance_of, unknown_name
+from hbnlp.aero import AeroROM, RationalFit, Realisation
+from hbnlp.core.checks import instance_of, real_number, refused, unknown_name
 from hbnlp.core.types import Array
 from hbnlp.systems.expressions import Output
 from hbnlp.systems.system import System
 from hbnlp.wing.membrane import Membrane
 
 Motion = Callable[[Any, Any], Any]
+
+LEAST = {"mass_ratio": 0.0, "stiffness": 0.0, "prestrain": 0.0}
+"""What the membrane's parameters are not less than."""
 
 
 def membrane_wing(
@@ -92,7 +95,16 @@ heave_amplitude=0, heave_phase=0, omega=?
     """
     instance_of("membrane", membrane, Membrane, "a LinearMembrane, QuasiLinearMembrane or NonlinearMembrane")
     n = membrane.n_modes
+    for result in (RationalFit, Realisation):
+        if isinstance(rom, result):
+            raise refused(TypeError, "rom", rom, f"its ROM, the attribute `rom` of the {result.__name__}")
     instance_of("rom", rom, AeroROM, f"an AeroROM, for instance hbnlp.aero.thin_airfoil(n_modes={n})")
+    real_number("pitch_axis", pitch_axis, advice=", in chords from the leading edge")
+    instance_of("motion", motion, Callable | None, "a function (tau, p) -> (alpha, heave), or None")
+    instance_of("parameters", parameters, Mapping | None, "a mapping of names to values, or None")
+    for name, least in LEAST.items():
+        if parameters is not None and name in parameters:
+            real_number(f"parameters[{name!r}]", parameters[name], least=least)
     if rom.n_modes < n:
         raise ValueError(
             f"the ROM has {rom.n_modes} modes and the membrane {n}: give a ROM with at least {n} modes, "

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import real_number
+from hbnlp.core.checks import finite_numbers, instance_of, real_number
+from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.systems.linear_stability import eigenvalues
+from hbnlp.systems.parameters import OMEGA
 from hbnlp.systems.response_about_rest import linear_response
 from hbnlp.systems.system import System
 
@@ -59,6 +62,8 @@ class LiftResponse:
         )
 
 
+@interrupts_kept()
+@renamed_arguments()
 def lift_response(
     wing: System, omega: ArrayLike, *, tensions: ArrayLike, at: Mapping[str, float] | None = None
 ) -> LiftResponse:
@@ -80,11 +85,13 @@ def lift_response(
     ValueError
         If a frequency or a tension is not positive, if the wing does not pitch, or if it is no membrane wing.
     """
+    instance_of("wing", wing, System, "a wing made by hbnlp.membrane_wing")
+    wing.parameters.values(at, but=(OMEGA,))
     names = set(wing.parameters.names)
     if not {"stiffness", "prestrain"} <= names or not {"C_L", "alpha_acceleration"} <= set(wing.output_names):
         raise ValueError(f"{wing.name!r} is no membrane wing; give one made by hbnlp.membrane_wing")
-    frequencies = np.array([real_number("omega", w, above=0.0) for w in np.atleast_1d(omega)])
-    values = np.array([real_number("tensions", c, above=0.0) for c in np.atleast_1d(tensions)])
+    frequencies = np.array([real_number("omega", w, above=0.0) for w in finite_numbers("omega", omega)])
+    values = np.array([real_number("tensions", c, above=0.0) for c in finite_numbers("tensions", tensions)])
     given = dict(at or {})
     if "pitch_amplitude" in names:
         given.setdefault("pitch_amplitude", 1.0)

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, Self, final
 
 import casadi as ca
 import numpy as np
@@ -33,6 +33,9 @@ from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
 from hbnlp.wing.strain import ExactArc, SmallSlopes, Strain
 from hbnlp.wing.tension import ConstantTension, ElasticTension, MembraneProperties, TensionLaw
+
+LETTERS = {"mu": "mass_ratio", "Eh": "stiffness", "delta0": "prestrain", "N": "n_modes"}
+"""Letters of the equations, and the arguments that they stand for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,12 +75,18 @@ class Membrane(FieldsAlone, ABC):
     def _strain(self) -> Strain:
         """The elongation as a function of the shape."""
 
+    def __new__(cls, **given: Any) -> Self:
+        """Name the words of the letters in the equations, which are no arguments."""
+        for letter in LETTERS.keys() & given.keys():
+            raise TypeError(f"{cls.__name__}() has no argument {letter!r}; it is called {LETTERS[letter]!r}")
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         checked = {
             "mass_ratio": real_number("mass_ratio", self.mass_ratio, least=0.0),
             "stiffness": real_number("stiffness", self.stiffness, above=0.0),
             "prestrain": real_number("prestrain", self.prestrain, least=0.0),
-            "n_modes": whole_number("n_modes", self.n_modes, least=1),
+            "n_modes": whole_number("n_modes", self.n_modes, least=1, most=1000),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
@@ -240,7 +249,7 @@ class NonlinearMembrane(Membrane):
         super().__post_init__()
         if self.n_nodes is not None:
             advice = f", more than the {self.n_modes} modes, or None for the default"
-            n_nodes = whole_number("n_nodes", self.n_nodes, least=self.n_modes + 1, advice=advice)
+            n_nodes = whole_number("n_nodes", self.n_nodes, least=self.n_modes + 1, most=100_000, advice=advice)
             object.__setattr__(self, "n_nodes", n_nodes)
 
     @built_once

@@ -207,7 +207,7 @@ def test_a_short_record_is_warned_of():
         (lambda t, y: (t[:5], y[:5]), "at least 8"),
         (
             lambda t, y: (t, np.where(t[:, None, None] == t[3], np.nan, y)),
-            r"loads\[3, 0, 0\] is nan; all values must",
+            r"loads\[3, 0, 0\] is nan; give an array of finite",
         ),
         (lambda t, y: (t, y[:-1]), "do not fit"),
     ],
@@ -277,7 +277,7 @@ def test_bad_responses_are_refused():
     for change, message in (
         ({"omega": good.omega[::-1]}, "rising"),
         ({"values": good.values[:, :, :-1]}, "shape"),
-        ({"static": good.static * np.nan}, r"static\[0, 0\] is nan; all values must be finite"),
+        ({"static": good.static * np.nan}, r"static\[0, 0\] is nan; give an array of finite"),
     ):
         with pytest.raises(ValueError, match=message):
             FrequencyResponse(**(facts | change))

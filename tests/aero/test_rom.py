@@ -168,7 +168,7 @@ def test_loading_validates(tmp_path):
     with pytest.raises(ValueError, match="mass"):
         AeroROM.load(path)
     save_arrays(path, "AeroROM", arrays | {"mass": np.full((3, 4), np.nan)}, {"provenance": {}})
-    with pytest.raises(ValueError, match=r"mass\[0, 0\] is nan"):
+    with pytest.raises(ValueError, match="its mass has values that are not finite"):
         AeroROM.load(path)
 
 
@@ -277,7 +277,7 @@ def test_bad_provenance_is_refused(changes, error, message):
 
 def test_points_where_the_transfer_function_is_not_defined_are_refused():
     rom = thin_airfoil(1)
-    with pytest.raises(ValueError, match="s holds"):
+    with pytest.raises(ValueError, match=r"s.* is nan; give an array of finite numbers"):
         rom.transfer([1.0, np.nan])
     with pytest.raises(ValueError, match="meets a pole"):
         rom.transfer(rom.poles[1])

@@ -180,14 +180,14 @@ def test_theodorsen_function_is_regular_from_rest_to_high_frequency():
 
 @pytest.mark.parametrize("s", [-1.0, [1j, -0.1 + 1j], np.nan, np.inf])
 def test_exact_transfer_left_of_the_imaginary_axis_is_refused(s):
-    with pytest.raises(ValueError, match="s holds"):
+    with pytest.raises(ValueError, match=r"s (holds|is)"):
         theodorsen_transfer(s)
 
 
 @pytest.mark.parametrize("n_modes", [-1, 2.5, True, "3"])
 @pytest.mark.parametrize("function", [thin_airfoil, lambda n_modes: theodorsen_transfer(1j, n_modes)])
 def test_bad_numbers_of_modes_are_refused(function, n_modes):
-    with pytest.raises(ValueError, match=r"n_modes is .*give an integer of at least 0"):
+    with pytest.raises(ValueError, match=r"n_modes is .*give an integer from 0"):
         function(n_modes)
 
 

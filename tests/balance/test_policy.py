@@ -84,7 +84,7 @@ def test_doubling_ends():
 
 @pytest.mark.parametrize("value", [0, -1, 2.5])
 def test_other_harmonics_are_whole_and_positive(value):
-    with pytest.raises(ValueError, match=f"n_harmonics = {value!r}; a whole number of at least 1 is needed"):
+    with pytest.raises(ValueError, match=f"n_harmonics is {value!r}; give an integer from 1"):
         HarmonicBalance(duffing(), 3).with_harmonics(value)
 
 

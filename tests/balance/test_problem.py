@@ -466,13 +466,13 @@ def test_the_program_can_be_given_an_objective_and_a_free_parameter():
 @pytest.mark.parametrize("value", [0, -1, 2.5, "3", None])
 def test_numbers_of_harmonics_and_periods_are_whole_and_positive(name, value):
     options = {"n_harmonics": 3, "periods": 1, name: value}
-    with pytest.raises(ValueError, match=f"{name} = {value!r}; a whole number of at least 1 is needed"):
+    with pytest.raises(ValueError, match=f"{name} is {value!r}; give an integer from 1"):
         HarmonicBalance(duffing(), **options)
 
 
 @pytest.mark.parametrize("n_samples", [0, 6, 20.5, "many"])
 def test_samples_that_cannot_hold_the_harmonics_are_refused(n_samples):
-    with pytest.raises(ValueError, match=r"6 samples cannot hold 3 harmonics|n_samples = .*; a whole number"):
+    with pytest.raises(ValueError, match=r"6 samples cannot hold 3 harmonics|n_samples is .*; give an integer"):
         HarmonicBalance(duffing(), 3, n_samples=n_samples)
 
 
@@ -487,14 +487,14 @@ def test_a_vector_of_unknowns_is_the_array_row_by_row_cut_or_padded():
     np.testing.assert_array_equal(problem.vector(array), [1, 2, 3, 4, 5, 8, 9, 10, 11, 12])
     np.testing.assert_array_equal(problem.vector([[1.0], [2.0]]), [1, 0, 0, 0, 0, 2, 0, 0, 0, 0])
     for shape in [(3, 5), (2, 4), (10,)]:
-        with pytest.raises(ValueError, match=r"coefficients have shape .*; \(2, 2H\+1\) is needed"):
+        with pytest.raises(ValueError, match=r"coefficients .*; give an array .*shape \(2, "):
             problem.vector(np.zeros(shape))
 
 
 def test_a_harmonic_that_is_not_retained_has_no_amplitude():
     problem = HarmonicBalance(duffing(), 3)
     for harmonic in (0, 4):
-        with pytest.raises(ValueError, match=f"harmonic = {harmonic}; 1 to 3 are retained"):
+        with pytest.raises(ValueError, match=f"harmonic is {harmonic}; give an integer from 1 to 3"):
             problem.amplitude_squared("x", harmonic)
     with pytest.raises(KeyError, match="unknown output 'y'"):
         problem.output("y")

@@ -13,14 +13,14 @@ from hbnlp.stability.result import Floquet
 from hbnlp.systems.system import System
 
 BAD_SPANS = {
-    "no length": ((1.0, 1.0), r"span = \(1.0, 1.0\) has no length"),
-    "reaches zero": ((0.0, 1.0), "reaches omega = 0, where the period is infinite; begin above"),
-    "ends at zero": ((1.0, 0.0), "reaches omega = 0"),
-    "crosses zero": ((-1.0, 1.0), "reaches omega = 0"),
-    "nan": ((np.nan, 1.0), "two finite values of omega are needed"),
-    "infinite": ((0.5, np.inf), "two finite values of omega are needed"),
-    "three values": ((0.5, 1.0, 2.0), "two finite values of omega are needed"),
-    "one value": ((0.5,), "two finite values of omega are needed"),
+    "no length": ((1.0, 1.0), r"span is \(1.0, 1.0\); give two different finite values"),
+    "reaches zero": ((0.0, 1.0), "give two values above omega = 0, where the period is infinite"),
+    "ends at zero": ((1.0, 0.0), "above omega = 0"),
+    "crosses zero": ((-1.0, 1.0), "above omega = 0"),
+    "nan": ((np.nan, 1.0), "give two different finite values of omega"),
+    "infinite": ((0.5, np.inf), "give two different finite values of omega"),
+    "three values": ((0.5, 1.0, 2.0), "give two different finite values of omega"),
+    "one value": ((0.5,), "give two different finite values of omega"),
 }
 
 
@@ -43,7 +43,7 @@ def test_unknown_names_and_options_are_refused(problem):
         trace(problem, "omega", (0.5, 1.6), at={"forc": 1.0})
     with pytest.raises(TypeError, match="step"):
         trace(problem, "omega", (0.5, 1.6), step=0.1)
-    with pytest.raises(ValueError, match=r"direction = 2; 1 .* or -1 is needed"):
+    with pytest.raises(ValueError, match=r"direction is 2; give 1 .* or -1"):
         trace(problem, "omega", (0.5, 1.6), direction=2)
 
 
@@ -78,13 +78,13 @@ def test_a_singular_mass_matrix_is_named(stability):
 
 
 BAD_STEPS = [
-    ({"step": 0.0}, "step = 0.0"),
-    ({"step": 0.5}, "0 < min_step <= step <= max_step is needed"),
-    ({"min_step": 0.1}, "0 < min_step <= step <= max_step is needed"),
-    ({"angle": 0.0}, "angle = 0.0; between 0 and 40 degrees"),
-    ({"angle": 90.0}, "angle = 90.0"),
-    ({"max_points": 1}, "max_points = 1; at least 2 are needed"),
-    ({"step": np.nan}, "step = nan"),
+    ({"step": 0.0}, "step is 0.0"),
+    ({"step": 0.5}, "step is"),
+    ({"min_step": 0.1}, "step is"),
+    ({"angle": 0.0}, "angle is 0.0; .* at most 40, in degrees"),
+    ({"angle": 90.0}, "angle is 90.0"),
+    ({"max_points": 1}, "max_points is 1; give an integer of at least 2"),
+    ({"step": np.nan}, "step is nan"),
 ]
 
 

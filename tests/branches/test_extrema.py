@@ -160,9 +160,9 @@ def test_names_and_harmonics_are_checked():
         locate_peak(problem, "y", "omega", near)
     with pytest.raises(KeyError, match="unknown parameter 'omga'"):
         locate_peak(problem, "x", "omga", near)
-    with pytest.raises(ValueError, match="harmonic = 7; 1 to 3 are retained"):
+    with pytest.raises(ValueError, match="harmonic is 7; give an integer from 1 to 3"):
         locate_peak(problem, "x", "omega", near, harmonic=7)
     branch = trace(problem, "omega", (0.5, 0.7), stability=None)
     for harmonic in (0, 4):
-        with pytest.raises(ValueError, match=f"harmonic = {harmonic}; 1 to 3 are retained"):
+        with pytest.raises(ValueError, match=f"harmonic is {harmonic}; give an integer from 1 to 3"):
             peaks(branch, "x", harmonic=harmonic)

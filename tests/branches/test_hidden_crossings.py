@@ -62,10 +62,13 @@ def twins():
     return hbnlp.HarmonicBalance(system, 5), (0.3287738405815925, 2.042799540138992)
 
 
-def test_the_same_branch_points_are_found_both_ways(twins):
+@pytest.mark.parametrize("angle", [6.0, 8.5, 10.0, 11.6, 13.4])
+def test_the_same_branch_points_are_found_both_ways(twins, angle):
+    """However long the steps are; by the determinant alone each trace up misses a pair or two of them."""
     problem, (low, high) = twins
-    up = hbnlp.trace(problem, "omega", (low, high), stability=None)
-    down = hbnlp.trace(problem, "omega", (high, low), start=up.solution(len(up) - 1), stability=None)
+    options = {"stability": None, "method": hbnlp.PseudoArclength(angle=angle)}
+    up = hbnlp.trace(problem, "omega", (low, high), **options)
+    down = hbnlp.trace(problem, "omega", (high, low), start=up.solution(len(up) - 1), **options)
     values = [sorted(point.value for point in branch.branch_points) for branch in (up, down)]
     assert len(values[0]) == 12
     np.testing.assert_allclose(values[0], values[1], rtol=1e-8)

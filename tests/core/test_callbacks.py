@@ -194,13 +194,13 @@ def test_a_failure_to_save_is_logged_with_the_path(problem, tmp_path, caplog):
         trace(
             problem, "omega", (0.5, 0.7), stability=None, callbacks=[Autosave(tmp_path / "no" / "b.npz", seconds=1e-9)]
         )
-    assert "autosave failed, tracing omega goes on: " in caplog.text
+    assert "autosave failed, tracing omega goes on and it is tried again: " in caplog.text
     assert "b.npz" in caplog.text
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0])
 def test_an_interval_that_is_not_positive_is_refused(seconds):
-    with pytest.raises(ValueError, match=f"seconds = {seconds}; a positive time between two saves is needed"):
+    with pytest.raises(ValueError, match=f"seconds is {seconds}; give a finite number greater than 0, the time"):
         Autosave("branch.npz", seconds=seconds)
 
 

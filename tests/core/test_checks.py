@@ -35,7 +35,7 @@ def test_what_is_of_another_kind_is_named_in_one_line():
     instance_of("a", None, int | None, "a number")
     with pytest.raises(TypeError, match=r"^a is '2'; give a number$"):
         instance_of("a", "2", int | None, "a number")
-    with pytest.raises(TypeError, match=r"^a is array.*, 28, \.\.\.; give a number$"):
+    with pytest.raises(TypeError, match=r"^a is array.* \.\.\.; give a number$"):
         instance_of("a", np.arange(500), int, "a number")
 
 

@@ -179,11 +179,11 @@ def test_impossible_parameters_are_refused(options: dict[str, float], words: str
 def test_impossible_grids_are_refused() -> None:
     with pytest.raises(ValueError, match="spacing is -1"):
         dns.Grid(spacing=-1.0, shape=(20, 20), corner=(0.0, 0.0))
-    with pytest.raises(ValueError, match="at least 16"):
+    with pytest.raises(ValueError, match="from 16"):
         dns.Grid(spacing=1.0, shape=(20, 8), corner=(0.0, 0.0))
     with pytest.raises(ValueError, match="levels is 0"):
         dns.Grid(spacing=1.0, shape=(20, 20), corner=(0.0, 0.0), levels=0)
-    with pytest.raises(ValueError, match="upper > lower"):
+    with pytest.raises(ValueError, match="the lower one first"):
         dns.Grid.box(spacing=0.1, x=(1.0, 0.0))
     with pytest.raises(ValueError, match="cells is 2"):
         dns.Grid.around_plate(cells=2)
@@ -210,5 +210,5 @@ def test_states_of_other_grids_and_broken_files_are_refused(tmp_path: Path) -> N
 def test_times_already_passed_are_refused() -> None:
     flow = _coarse_cylinder()
     flow.run(0.1)
-    with pytest.raises(ValueError, match="later time"):
+    with pytest.raises(ValueError, match="the flow is there already"):
         flow.run(0.05)

@@ -259,7 +259,7 @@ def test_an_unknown_output_and_an_unknown_harmonic_are_refused(branch):
     with pytest.raises(KeyError, match=r"unknown output 'y' \(known: x\)"):
         branch.plot("y")
     for harmonic in (6, -1):
-        with pytest.raises(ValueError, match=f"harmonic = {harmonic}; 0 to 5 are retained"):
+        with pytest.raises(ValueError, match=f"harmonic is {harmonic}; give an integer from 0 to 5"):
             branch.plot("x", harmonic=harmonic)
 
 

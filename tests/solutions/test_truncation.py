@@ -139,7 +139,7 @@ def test_too_few_harmonics_are_said_not_hidden(branch):
 def test_bad_input(branch, tmp_path):
     with pytest.raises(ValueError, match="tolerance"):
         hbnlp.resolve_harmonics(branch, 0.0)
-    with pytest.raises(ValueError, match="below 1"):
+    with pytest.raises(ValueError, match="less than 1"):
         hbnlp.resolve_harmonics(branch, 2.0)
     with pytest.raises(ValueError, match="at_most"):
         hbnlp.resolve_harmonics(branch, 1e-3, least=5, at_most=3)

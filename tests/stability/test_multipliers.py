@@ -432,9 +432,9 @@ def test_a_derivative_that_is_not_finite_is_an_error():
     ("options", "message"),
     [
         ({"tol": 0.0}, "tol is 0.0"),
-        ({"nodes": 13}, "nodes is 13; 1 to 10"),
+        ({"nodes": 13}, "nodes is 13; give an integer from 1 to 10"),
         ({"max_intervals": 1}, "max_intervals is 1"),
-        ({"intervals": 9000}, "intervals is 9000; 1 to max_intervals = 8192"),
+        ({"intervals": 9000}, "intervals is 9000; give an integer from 1 to 8192"),
     ],
 )
 def test_options_out_of_range_are_named(options, message):

@@ -161,13 +161,13 @@ def test_bad_arguments_are_refused(problem):
     with pytest.raises(ValueError, match="parameter 'omega' has no value"):
         sweep(problem, "force", [1.0])
     for values in ([], [np.nan], [[1.0, 2.0]]):
-        with pytest.raises(ValueError, match=r"values = .*; a sequence of finite numbers, at least one, is needed"):
+        with pytest.raises(ValueError, match=r"values is .*; give a sequence of finite numbers"):
             sweep(problem, "omega", values)
     with pytest.raises(TypeError, match=r"method is RungeKutta4.*; a HarmonicBalance is marched by Newton"):
         sweep(problem, "omega", [1.0], method=RungeKutta4())
     with pytest.raises(TypeError, match="method"):
         sweep(duffing(), "omega", [1.0], method=Newton())
-    with pytest.raises(TypeError, match=r"unknown|unexpected"):
+    with pytest.raises(TypeError, match=r"has no argument 'strt'; did you mean 'start'"):
         sweep(problem, "omega", [1.0], strt=None)
     with pytest.raises(TypeError, match="HarmonicBalance"):
         sweep("a system", "omega", [1.0])

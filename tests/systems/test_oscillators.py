@@ -54,5 +54,5 @@ def test_their_outputs_are_the_displacements():
 
 
 def test_a_chain_without_masses_is_refused():
-    with pytest.raises(ValueError, match="n_masses = 0; at least 1 is needed"):
+    with pytest.raises(ValueError, match="n_masses is 0; give an integer from 1"):
         chain(0)

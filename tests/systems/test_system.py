@@ -109,7 +109,14 @@ def test_a_tangent_that_is_not_finite_at_rest_is_named():
 
 
 def test_the_derivatives_of_the_motion_are_by_time():
-    system = System(ONE, ONE, ONE, motion=lambda tau, p: [ca.sin(tau) + 0.3 * ca.cos(2 * tau)], parameters=PARAMETERS)
+    system = System(
+        ONE,
+        ONE,
+        ONE,
+        motion=lambda tau, p: [ca.sin(tau) + 0.3 * ca.cos(2 * tau)],
+        input_mass=ONE,
+        parameters=PARAMETERS,
+    )
     function = ca.Function("motion", [system.tau, system.p], [system.motion, *system.motion_derivatives])
     t, omega = 0.7, 1.3
     u, du, ddu = (float(e) for e in function(omega * t, [0.1, omega]))
@@ -194,8 +201,11 @@ def test_matrices_must_have_the_size_of_the_mass_matrix(what):
 
 
 BAD_FORCES = {
-    "too many": (lambda q, v, tau, p: [q[0], q[0]], r"returned shape \(2, 1\); 1 expressions are needed"),
-    "a matrix": (lambda q, v, tau, p: ca.SX.zeros(2, 2), r"returned shape \(2, 2\)"),
+    "too many": (
+        lambda q, v, tau, p: [q[0], q[0]],
+        "returned 2 expressions; 1 is needed, one for each degree of freedom",
+    ),
+    "a matrix": (lambda q, v, tau, p: ca.SX.zeros(2, 2), r"returned a matrix of shape \(2, 2\)"),
     "nothing": (lambda q, v, tau, p: None, "nonlinear_force .*None"),
     "text": (lambda q, v, tau, p: "stiff", "nonlinear_force .*stiff"),
     "a symbol of a program": (lambda q, v, tau, p: [MX * 2.0], "nonlinear_force .*program"),
@@ -215,7 +225,7 @@ def test_a_bad_force_is_refused_by_name(given, message):
 
 
 BAD_SIGNALS = {
-    "too many": (lambda tau, p: [0.0, 1.0], r"returned shape \(2, 1\); 1 expressions are needed"),
+    "too many": (lambda tau, p: [0.0, 1.0], "returned 2 expressions; 1 is needed"),
     "nothing": (lambda tau, p: None, "None"),
     "a foreign symbol": (
         lambda tau, p: [FOREIGN],
@@ -291,23 +301,23 @@ def test_a_misspelt_parameter_is_refused_with_the_right_one():
         {"motion": lambda tau, p: [p.cubc]},
         {"input_stiffness": lambda p: [[p.cubc]], "motion": lambda tau, p: [ca.sin(tau)]},
     ):
-        with pytest.raises(AttributeError, match=message):
+        with pytest.raises(ValueError, match=message):
             System(ONE, ONE, ONE, parameters=PARAMETERS, **bad)
-    with pytest.raises(AttributeError, match=message):
+    with pytest.raises(ValueError, match=message):
         System(ONE, lambda p: [[p.cubc]], ONE, parameters=PARAMETERS)
 
 
 BAD_OUTPUTS = {
-    "two expressions": (lambda s: ca.vertcat(s.q, s.v), ValueError, r"output 'y' returned shape \(2, 1\)"),
-    "an unknown signal": (lambda s: s.velocity, AttributeError, "unknown signal 'velocity'"),
-    "a foreign symbol": (lambda s: FOREIGN, ValueError, "output 'y' uses 'foreign'"),
-    "nothing": (lambda s: None, ValueError, "output 'y' .*None"),
+    "two expressions": (lambda s: ca.vertcat(s.q, s.v), "output 'y' returned 2 expressions; 1 is"),
+    "an unknown signal": (lambda s: s.velocity, "output 'y'.*unknown signal 'velocity'"),
+    "a foreign symbol": (lambda s: FOREIGN, "output 'y' uses 'foreign'"),
+    "nothing": (lambda s: None, "output 'y' .*None"),
 }
 
 
-@pytest.mark.parametrize(("rule", "error", "message"), BAD_OUTPUTS.values(), ids=BAD_OUTPUTS)
-def test_a_bad_output_is_refused_at_construction(rule, error, message):
-    with pytest.raises(error, match=message):
+@pytest.mark.parametrize(("rule", "message"), BAD_OUTPUTS.values(), ids=BAD_OUTPUTS)
+def test_a_bad_output_is_refused_at_construction(rule, message):
+    with pytest.raises(ValueError, match=message):
         System(ONE, ONE, ONE, outputs={"y": rule})
 
 
@@ -318,17 +328,23 @@ def test_an_unknown_output_is_refused_with_the_nearest_one():
 
 BAD_LAGS = {
     "a vector": ({"lag_state": [-1.0]}, r"lag_state has shape \(1,\)"),
-    "not square": ({"lag_state": [[-1.0, 2.0]]}, r"lag_state has shape \(1, 2\); \(1, 1\) is needed"),
-    "nan": ({"lag_state": [[np.nan]]}, "lag_state has entries that are not finite"),
-    "wide input": ({"lag_state": [[-1.0]], "lag_input": [[1.0, 2.0]]}, r"lag_input has shape \(1, 2\); \(1, 1\) is"),
+    "not square": ({"lag_state": [[-1.0, 2.0]]}, r"lag_state has shape \(1, 2\); give a square matrix"),
+    "nan": ({"lag_state": [[np.nan]]}, r"lag_state\[0, 0\] is nan; give an array of finite real numbers"),
+    "wide input": (
+        {"lag_state": [[-1.0]], "lag_input": [[1.0, 2.0]]},
+        r"lag_input has shape .* of shape \(1, 1\)",
+    ),
     "tall output": (
         {"lag_state": [[-1.0]], "lag_output": [[1.0], [2.0]]},
         r"lag_output has shape \(2, 1\); \(1, 1\) is",
     ),
-    "input without states": ({"lag_input": [[1.0]]}, r"lag_input has shape \(1, 1\); \(0, 1\) is needed"),
+    "input without states": (
+        {"lag_input": [[1.0]]},
+        r"lag_state is None; give .* or leave lag_input out",
+    ),
     "motion without motion": (
         {"lag_state": [[-1.0]], "lag_motion": [[1.0]]},
-        r"lag_motion has shape \(1, 1\); \(1, 0\)",
+        r"lag_motion has shape \(1, 1\); give an array .* of shape \(1, 0\)",
     ),
     "stiffness without motion": (
         {"input_stiffness": [[1.0]]},

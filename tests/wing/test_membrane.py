@@ -284,7 +284,7 @@ def test_camber_is_that_of_the_higher_of_two_peaks_whatever_the_nodes_see():
         ({"stiffness": 0.0}, ValueError, r"stiffness is 0\.0; give a finite number greater than 0"),
         ({"prestrain": np.nan}, ValueError, "prestrain is nan"),
         ({"prestrain": "taut"}, TypeError, "prestrain is 'taut'"),
-        ({"n_modes": 0}, ValueError, "n_modes is 0; give an integer of at least 1"),
+        ({"n_modes": 0}, ValueError, "n_modes is 0; give an integer from 1"),
         ({"n_modes": 2.5}, ValueError, r"n_modes is 2\.5"),
         ({"pre_strain": 0.1}, TypeError, "pre_strain"),
     ],
@@ -295,7 +295,7 @@ def test_bad_properties_are_refused_with_their_value(model, changes, error, mess
 
 
 def test_too_few_nodes_are_refused():
-    with pytest.raises(ValueError, match=r"n_nodes is 10; give an integer of at least 11, more than the 10 modes"):
+    with pytest.raises(ValueError, match=r"n_nodes is 10; give an integer from 11 to 100000, more than the 10 modes"):
         NonlinearMembrane(n_nodes=10)
 
 

@@ -25,7 +25,7 @@ import scipy.linalg as sl
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification.least_squares import real_least_squares
 from hbnlp.aero.rom import AeroROM
-from hbnlp.core.checks import whole_number
+from hbnlp.core.checks import instance_of, list_of, whole_number
 from hbnlp.core.types import Array, ComplexArray
 
 NEGLIGIBLE = 1e-14
@@ -60,6 +60,7 @@ def balanced_truncation(rom: AeroROM, n_lags: int) -> Balanced:
     ValueError
         If ``n_lags`` is out of range.
     """
+    instance_of("rom", rom, AeroROM, "an AeroROM, such as the `rom` of a fit")
     n = whole_number("n_lags", n_lags, least=0, most=rom.n_lags)
     a, b, c = rom.lag_state, rom.lag_input, rom.lag_output
     control = np.asarray(sl.solve_continuous_lyapunov(a, -b @ b.T), dtype=float)
@@ -90,6 +91,12 @@ def reduce_to_band(
     ValueError
         If ``n_lags`` is out of range.
     """
+    instance_of("rom", rom, AeroROM, "an AeroROM, such as the `rom` of a fit")
+    instance_of("response", response, FrequencyResponse, "the FrequencyResponse that it is fitted to")
+    if response.values.shape[1:] != rom.stiffness.shape:
+        raise ValueError(f"response has {response.n_modes} modes and rom {rom.n_modes}; give those of one wing")
+    whole_number("sweeps", sweeps, least=0)
+    list_of("known", known, int, "a list of columns, counted from 0")
     n = whole_number("n_lags", n_lags, least=0, most=rom.n_lags)
     omega = response.omega
     weights = omega[:, None] ** 2 / response.column_sizes

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from hbnlp.aero.arrays import check_finite
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.core.checks import whole_number
+from hbnlp.core.checks import finite_array, instance_of, whole_number
 from hbnlp.core.types import Array
 
 logger = logging.getLogger(__name__)
@@ -102,7 +102,14 @@ def realise(
     ShortRecordWarning
         If the transient has not died out at the end of the record.
     """
-    t, y = np.asarray(time, dtype=float), np.asarray(loads, dtype=float)
+    t, y = finite_array("time", time, (None,)), finite_array("loads", loads, (None, None, None))
+    if t.size < 2 or min(y.shape) == 0:
+        raise ValueError(f"time has shape {t.shape} and loads {y.shape}; give a record of some length")
+    matrices = [("mass", mass), ("stiffness", stiffness), ("damping", damping)]
+    for name, matrix in matrices:
+        if matrix is not None or name == "mass":
+            finite_array(name, matrix, y.shape[1:], advice=", as of the loads")
+    instance_of("provenance", provenance, Provenance | None, "hbnlp.aero.Provenance(source=..., reynolds=...)")
     _check_record(t, y)
     whole_number(
         "n_lags", n_lags, least=1, most=min(y.shape[1], y.shape[2]) * (t.size // 4), advice=", or a longer record"

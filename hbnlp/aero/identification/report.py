@@ -15,7 +15,8 @@ from hbnlp.aero.identification.modal import lag_states
 from hbnlp.aero.identification.vector_fitting import PoleFit, fit_residues, vector_fit
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
-from hbnlp.core.checks import instance_of, real_number, whole_number
+from hbnlp.core.checks import finite_array, instance_of, interval, real_number, whole_number
+from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array, ComplexArray
 
 if TYPE_CHECKING:
@@ -94,6 +95,7 @@ class RationalFit:
         )
 
 
+@interrupts_kept()
 def identify(
     response: FrequencyResponse,
     *,
@@ -156,6 +158,14 @@ def identify(
     real_number("tolerance", tolerance, above=0.0)
     if n_lags is not None:
         whole_number("n_lags", n_lags, least=0)
+    if band is not None:
+        band = interval("band", band, least=0.0)
+    whole_number("most_poles", most_poles, least=0)
+    real_number("least_damping", least_damping, least=0.0, below=1.0)
+    instance_of("damping", damping, Mapping | None, "a mapping of columns, counted from 0, to their values")
+    for column, known in (damping or {}).items():
+        whole_number("a column of damping", column, least=0, most=response.n_modes + 1)
+        finite_array(f"damping[{column}]", known, (response.n_modes + 1,))
     for column, known in (damping or {}).items():
         if np.any(known) and not response.values[:, :, column].any():
             raise ValueError(

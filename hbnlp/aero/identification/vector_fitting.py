@@ -34,6 +34,7 @@ from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.identification.least_squares import least_squares, real_and_imaginary, real_least_squares
 from hbnlp.aero.identification.modal import real_basis, residues, sort_poles
 from hbnlp.core.checks import whole_number
+from hbnlp.core.interrupts import check_interrupts
 from hbnlp.core.types import Array, ComplexArray
 
 BEYOND = 1e3
@@ -105,6 +106,7 @@ def vector_fit(
     weights = _weights(response)
     poles = sort_poles(-np.geomspace(response.omega[0], response.omega[-1], n))
     for _ in range(iterations if n else 0):
+        check_interrupts()
         poles = _relocate(poles, s, h, weights, least_damping)
     return fit_residues(response, poles, damping=damping)
 
