@@ -124,7 +124,7 @@ def test_autosave_on_a_full_disk_keeps_the_last_good_file(problem, branch, tmp_p
     np.testing.assert_allclose([f.value for f in resumed.folds], [f.value for f in branch.folds], rtol=1e-11)
 
 
-def test_numbers_that_are_not_finite_keep_no_branch_from_its_file(branch, tmp_path, assert_same):
+def test_numbers_that_are_not_finite_keep_no_branch_from_its_file(branch, tmp_path):
     fold = dataclasses.replace(branch.folds[0], sensitivity={"force": math.nan, "gamma": -math.inf}, value=math.inf)
     residual = np.where(branch.residual == branch.residual.max(), np.nan, branch.residual)
     odd = dataclasses.replace(

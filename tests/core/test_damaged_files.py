@@ -142,11 +142,12 @@ def test_a_column_that_is_missing_misshapen_of_another_kind_or_not_finite_is_ref
         if array.dtype.kind in "fc" and np.isfinite(array).all() and name not in LOOSE.get(kind, ()):
             wrong["nan"] = np.full_like(array, np.nan)
         if kind == "flow_state" and name in {"convection", *(n for n in arrays if n.startswith("wall_"))}:
-            wrong = {"text": wrong["text"]}  # of another body, which begins anew
-        for what, changed in wrong.items():
-            with pytest.raises((LoadError, ValueError), match=r"bad\.npz|of the state"):
+            wrong = {"text": wrong["text"], "longer": wrong["text"]}  # of another body, which begins anew
+        if array.size == 0:
+            del wrong["longer"]
+        for changed in wrong.values():
+            with pytest.raises(ValueError, match=r"bad\.npz|of the state"):
                 load(rewritten(tmp_path / "bad.npz", others | {name: changed}, metadata))
-                pytest.fail(f"{name} {what} was taken")
         with pytest.raises(LoadError, match=r"bad\.npz"):
             load(rewritten(tmp_path / "bad.npz", others, metadata))
     with pytest.raises(LoadError, match=r"bad\.npz"):
