@@ -13,11 +13,21 @@ from numpy.typing import ArrayLike
 
 from hbnlp.aero.table import read_table, write_table
 from hbnlp.core.checks import file_name, finite_array, instance_of, real_number, whole_number
+from hbnlp.core.layout import Column, Layout, mapping
+from hbnlp.core.records import loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
-from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
-_KIND = "FrequencyResponse"
+_LAYOUT = Layout(
+    kind="FrequencyResponse",
+    columns={
+        "omega": Column("m"),
+        "values": Column("m N+1 N+2", complex),
+        "static": Column("N+1 N+2"),
+        "base_load": Column("N+1"),
+    },
+    entries={"provenance": mapping},
+)
 
 DIP = 0.1
 """A column smaller than this part of what it is at the frequencies around counts as that part."""
@@ -144,8 +154,7 @@ class FrequencyResponse(ReadOnlyArrays):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write one ``.npz`` file, all of it or nothing."""
-        arrays = {name: getattr(self, name) for name in ("omega", "values", "static", "base_load")}
-        save_arrays(path, _KIND, arrays, {"provenance": dict(self.provenance)})
+        save_record(self, path, _LAYOUT)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> FrequencyResponse:
@@ -153,11 +162,13 @@ class FrequencyResponse(ReadOnlyArrays):
 
         Raises
         ------
-        FileNotFoundError, ValueError
-            If there is no such file, or it is not a response.
+        FileNotFoundError
+            If there is no such file.
+        LoadError
+            (A `ValueError`.) If it is not a response.
         """
-        arrays, metadata = load_arrays(path, _KIND)
-        return cls(**arrays, provenance=metadata["provenance"])
+        with loaded(path, _LAYOUT) as content:
+            return cls(**content)
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write a table with the columns omega, load, motion, real, imag; the static value has omega 0."""

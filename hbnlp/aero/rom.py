@@ -13,15 +13,27 @@ from hbnlp.aero import statespace
 from hbnlp.aero.arrays import ARRAYS, MATRICES, checked_arrays
 from hbnlp.aero.provenance import Provenance
 from hbnlp.core.checks import finite_array, instance_of, whole_number
+from hbnlp.core.layout import Column, Layout, mapping
+from hbnlp.core.records import loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
-from hbnlp.core.storage import load_arrays, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
 if TYPE_CHECKING:
     import control
 
 
-_KIND = "AeroROM"
+_LAYOUT = Layout(
+    kind="AeroROM",
+    columns={
+        **dict.fromkeys(("stiffness", "damping", "mass"), Column("N+1 N+2")),
+        "lag_state": Column("n n"),
+        "lag_input": Column("n N+2"),
+        "lag_output": Column("N+1 n"),
+        "base_motion": Column("N+2"),
+        "base_load": Column("N+1"),
+    },
+    entries={"provenance": mapping},
+)
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -199,9 +211,7 @@ class AeroROM(ReadOnlyArrays):
         SaveError
             If the file cannot be written.
         """
-        save_arrays(
-            path, _KIND, {name: getattr(self, name) for name in ARRAYS}, {"provenance": asdict(self.provenance)}
-        )
+        save_record(self, path, _LAYOUT, provenance=asdict(self.provenance))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> AeroROM:
@@ -217,14 +227,13 @@ class AeroROM(ReadOnlyArrays):
 
         Raises
         ------
-        FileNotFoundError, ValueError
-            If there is no such file, or it is not a valid ROM.
+        FileNotFoundError
+            If there is no such file.
+        LoadError
+            (A `ValueError`.) If it is not a valid ROM.
         """
-        arrays, metadata = load_arrays(path, _KIND)
-        try:
-            return cls(**arrays, provenance=Provenance(**metadata["provenance"]))
-        except (TypeError, KeyError) as error:
-            raise ValueError(f"{os.fspath(path)!r} lacks a part of a ROM, or has one too many: {error}") from error
+        with loaded(path, _LAYOUT) as content:
+            return cls(**content | {"provenance": Provenance(**content["provenance"])})
 
     def to_statespace(self) -> control.StateSpace:
         """Return the ROM as a ``control.StateSpace`` from accelerations: input u'', states [u, u', x], output y.

@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from pathlib import Path
 
 import numpy as np
 
+from hbnlp.core.files import write_text
 from hbnlp.core.types import Array, ComplexArray
 
 _HEADER = ("omega", "load", "motion", "real", "imag")
@@ -18,13 +20,20 @@ _WHOLE = {"load": "C_L is 0, dCp_1 is 1, ...", "motion": "alpha is 0, z is 1, W_
 
 
 def write_table(path: str | os.PathLike[str], omega: Array, values: ComplexArray) -> None:
-    """Write matrices (m, N+1, N+2) at the frequencies (m,), all digits of them."""
-    with Path(path).open("w", newline="") as handle:
-        writer = csv.writer(handle)
-        writer.writerow(_HEADER)
-        for w, matrix in zip(omega, values, strict=True):
-            for (load, motion), value in np.ndenumerate(matrix):
-                writer.writerow((repr(float(w)), load, motion, repr(float(value.real)), repr(float(value.imag))))
+    """Write matrices (m, N+1, N+2) at the frequencies (m,), all digits of them, whole or not at all.
+
+    Raises
+    ------
+    SaveError
+        (An `OSError`.) If the file cannot be written.
+    """
+    rows = io.StringIO(newline="")
+    writer = csv.writer(rows)
+    writer.writerow(_HEADER)
+    for w, matrix in zip(omega, values, strict=True):
+        for (load, motion), value in np.ndenumerate(matrix):
+            writer.writerow((repr(float(w)), load, motion, repr(float(value.real)), repr(float(value.imag))))
+    write_text(path, rows.getvalue())
 
 
 def read_table(path: str | os.PathLike[str]) -> tuple[Array, ComplexArray]:

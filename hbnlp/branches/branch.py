@@ -10,13 +10,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.branches.special_points import SpecialPoint, packed, unpacked
+from hbnlp.branches.special_points import COLUMNS, ROWS, SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.checks import counted, instance_of, place, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End, Kind
-from hbnlp.core.records import AlongParameter, Layout, attributes_of, parts_of
-from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.layout import (
+    Column,
+    Layout,
+    counted_from_one,
+    name_in,
+    number,
+    numbers_by_name,
+    pair,
+    text,
+    texts,
+    whole,
+)
+from hbnlp.core.records import AlongParameter, loaded, save_record
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.crossing import solution_between
@@ -198,10 +209,8 @@ class Branch(AlongParameter):
         SaveError
             If it cannot be written; the branch in memory and an older file are as they were.
         """
-        special_arrays, special_points = packed(self.special_points, self.coefficients.shape[1:])
-        arrays, metadata = parts_of(self, _LAYOUT)
-        metadata |= {"end": self.end.name, "special_points": special_points}
-        save_arrays(path, _LAYOUT.kind, arrays | special_arrays, metadata)
+        special_points = packed(self.special_points, self.coefficients.shape[1:])
+        save_record(self, path, _LAYOUT, end=self.end.name, **special_points)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Branch:
@@ -217,20 +226,19 @@ class Branch(AlongParameter):
         ------
         FileNotFoundError
             If there is no such file.
+        LoadError
+            (A `ValueError`.) If the file is damaged or holds something else.
         ValueError
-            If the file is damaged or holds something else, or if the problem is not the branch's: the message says in
-            what they differ.
+            If the problem is not the branch's: the message says in what they differ.
         TypeError
             If ``problem`` is something else.
         """
         instance_of(
             "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
         )
-        arrays, metadata = load_arrays(path, _LAYOUT.kind)
-        fields = attributes_of(path, arrays, metadata, _LAYOUT)
-        shared = {name: fields[name] for name in ("name", "output_names", "periods")}
-        special_points = unpacked(arrays, metadata["special_points"], **shared, problem=problem)
-        branch = cls(**fields, end=End[metadata["end"]], special_points=special_points, problem=problem)
+        with loaded(path, _LAYOUT) as content:
+            content["special_points"] = unpacked(content, problem)
+            branch = cls(**content, problem=problem)
         if problem is not None:
             for index in {0, len(branch) - 1} if len(branch) else ():
                 check_belongs(problem, branch.solution(index), what="branch")
@@ -256,13 +264,32 @@ class Branch(AlongParameter):
 
 _LAYOUT = Layout(
     kind="branch",
-    arrays=(
-        *("parameter", "coefficients", "amplitudes", "multipliers", "stable", "stability_error", "stability_converged"),
-        *("arclength", "residual", "iterations", "n_samples"),
-    ),
-    metadata=(
-        *("name", "span", "message", "parameters", "parameter_names", "system_name", "output_names", "periods"),
-        "refused",
-    ),
-    optional=("multipliers", "stable", "stability_error", "stability_converged"),
+    columns={
+        "parameter": Column("points"),
+        "coefficients": Column("points dof 2H+1"),
+        "amplitudes": Column("points outputs H+1", complex),
+        "multipliers": Column("points states", complex, finite=False, optional=True),
+        "stable": Column("points", bool, optional=True),
+        "stability_error": Column("points", finite=False, optional=True),
+        "stability_converged": Column("points", bool, optional=True),
+        "arclength": Column("points"),
+        "residual": Column("points"),
+        "iterations": Column("points", int),
+        "n_samples": Column("points", int),
+        **COLUMNS,
+    },
+    entries={
+        "name": text,
+        "span": pair(number),
+        "end": name_in(End),
+        "message": text,
+        "parameters": numbers_by_name,
+        "parameter_names": texts,
+        "system_name": text,
+        "output_names": texts,
+        "periods": counted_from_one,
+        "refused": whole,
+        "special_points": ROWS,
+    },
+    lengths={"outputs": "output_names", "specials": "special_points"},
 )

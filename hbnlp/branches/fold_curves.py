@@ -13,8 +13,8 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.arclength import Stop
 from hbnlp.core.checks import instance_of, place
 from hbnlp.core.kinds import FoldEvent
-from hbnlp.core.records import Layout, attributes_of, parts_of, values_of
-from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.layout import Column, Layout, counted_from_one, name_in, number, numbers_by_name, pair, table, text
+from hbnlp.core.records import loaded, save_record, values_of
 from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.solution import Solution, attached, make_solution
@@ -23,7 +23,22 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _LAYOUT = Layout(
-    kind="fold curve", arrays=("first", "second", "coefficients"), metadata=("names", "ends", "parameters")
+    kind="fold curve",
+    columns={
+        "first": Column("points"),
+        "second": Column("points"),
+        "coefficients": Column("points dof 2H+1"),
+        "event_coefficients": Column("events dof 2H+1"),
+    },
+    entries={
+        "names": pair(text),
+        "ends": pair(text),
+        "parameters": numbers_by_name,
+        "periods": counted_from_one,
+        "events": table(kind=name_in(FoldEvent), first=number, second=number),
+    },
+    lengths={"events": "events"},
+    defaults={"periods": 1},  # files of version 0.1 do not say how many
 )
 FIRST_SPAN, SECOND_SPAN = "end of the first span", "end of the second span"
 _COMPLETE = (FIRST_SPAN, SECOND_SPAN, Stop.CLOSED.value)
@@ -146,29 +161,20 @@ class FoldBranch:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the curve to one ``.npz`` file without pickle, whole or not at all."""
-        arrays, metadata = parts_of(self, _LAYOUT)
-        if self.events:
-            arrays["event_coefficients"] = np.array([event.coefficients for event in self.events])
+        coefficients = np.array([event.coefficients for event in self.events]) if self.events else None
         events = [{"kind": e.kind.name, "first": e.first, "second": e.second} for e in self.events]
-        save_arrays(path, _LAYOUT.kind, arrays, metadata | {"periods": self.periods, "events": events})
+        save_record(self, path, _LAYOUT, event_coefficients=coefficients, events=events)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> FoldBranch:
         """Return the curve from a file that `save` wrote, with its problem if that is given; see `Branch.load`."""
         instance_of("problem", problem, HarmonicBalance | None, "the HarmonicBalance of the record, or None")
-        arrays, metadata = load_arrays(path, _LAYOUT.kind)
-        events = tuple(
-            FoldCurvePoint(
-                kind=FoldEvent[e["kind"]],
-                first=e["first"],
-                second=e["second"],
-                coefficients=arrays["event_coefficients"][i],
+        with loaded(path, _LAYOUT) as content:
+            coefficients = content.pop("event_coefficients")
+            content["events"] = tuple(
+                FoldCurvePoint(**event, coefficients=coefficients[i]) for i, event in enumerate(content["events"])
             )
-            for i, e in enumerate(metadata["events"])
-        )
-        fields = attributes_of(path, arrays, metadata, _LAYOUT)
-        # files of version 0.1 do not say how many periods
-        curve = cls(**fields, events=events, periods=metadata.get("periods", 1), problem=problem)
+            curve = cls(**content, problem=problem)
         if problem is not None:
             check_belongs(problem, curve._motion(0), what="curve")
         return curve

@@ -18,7 +18,8 @@ from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.checks import instance_of, list_of_callables, place, real_number, whole_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
-from hbnlp.core.records import AlongParameter, Layout, load_record, save_record
+from hbnlp.core.layout import Column, Layout, counted_from_one, number, numbers_by_name, text, texts
+from hbnlp.core.records import AlongParameter, loaded, save_record
 from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.attaching import check_belongs
@@ -111,7 +112,8 @@ class ResolvedBranch(AlongParameter):
         instance_of(
             "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
         )
-        resolved = cls(**load_record(path, _LAYOUT))
+        with loaded(path, _LAYOUT) as content:
+            resolved = cls(**content)
         found = np.flatnonzero(np.isfinite(resolved.truncation_error))
         if problem is not None and found.size:
             instance_of(
@@ -133,8 +135,22 @@ class ResolvedBranch(AlongParameter):
 
 _LAYOUT = Layout(
     kind="resolved branch",
-    arrays=("parameter", "n_harmonics", "truncation_error", "coefficients", "amplitudes"),
-    metadata=("name", "output_names", "periods", "tolerance", "message", "parameters"),
+    columns={
+        "parameter": Column("points"),
+        "n_harmonics": Column("points", int),
+        "truncation_error": Column("points", finite=False),
+        "coefficients": Column("points dof 2H+1", finite=False),
+        "amplitudes": Column("points outputs H+1", complex, finite=False),
+    },
+    entries={
+        "name": text,
+        "output_names": texts,
+        "periods": counted_from_one,
+        "tolerance": number,
+        "message": text,
+        "parameters": numbers_by_name,
+    },
+    lengths={"outputs": "output_names"},
 )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.kinds import Kind
+from hbnlp.core.layout import Column, flag, mapping, maybe, name_in, number, numbers_by_name, pair, table, whole
 from hbnlp.core.types import Array
 from hbnlp.solutions.solution import Solution
 from hbnlp.systems.symmetry import Symmetry
@@ -69,68 +70,77 @@ class SpecialPoint:
         return f"{self.kind.value} at {self.value:.12g}{state}, between {self.bracket[0]:.8g} and {self.bracket[1]:.8g}"
 
 
-def packed(points: Sequence[SpecialPoint], shape: tuple[int, ...]) -> tuple[dict[str, Array], list[dict[str, Any]]]:
-    """Return special points, whose coefficients have a shape (n_dof, 2H+1), as arrays and as what JSON can write."""
-    if not points:
-        return {}, []
-    absent = np.full(shape, np.nan)
-    arrays = {
-        "special_coefficients": np.array([p.solution.coefficients for p in points]),
-        "special_amplitudes": np.array([p.solution.amplitudes for p in points]),
-        "special_null": np.array([absent if p.null is None else p.null for p in points]),
-    }
+COLUMNS = {
+    "special_coefficients": Column("specials dof 2H+1"),
+    "special_amplitudes": Column("specials outputs H+1", complex),
+    "special_null": Column("specials dof 2H+1", finite=False),  # nan where there is none
+    "special_breaks": Column("specials dof dof", finite=False, optional=True),
+}
+ROWS = table(
+    {"breaks": None},  # files from before there was such a thing
+    kind=name_in(Kind),
+    value=number,
+    bracket=pair(number),
+    index=whole,
+    refined=flag,
+    parameters=numbers_by_name,
+    statistics=mapping,
+    multiplier=maybe(pair(number)),
+    sensitivity=numbers_by_name,
+    breaks=maybe(mapping),
+)
+
+
+def packed(points: Sequence[SpecialPoint], shape: tuple[int, ...]) -> dict[str, Any]:
+    """Return `COLUMNS` and rows of special points, whose coefficients have a shape (n_dof, 2H+1)."""
+    content: dict[str, Any] = {"special_points": [_row(p) for p in points], **dict.fromkeys(COLUMNS)}
+    if points:
+        content["special_coefficients"] = np.array([p.solution.coefficients for p in points])
+        content["special_amplitudes"] = np.array([p.solution.amplitudes for p in points])
+        absent = np.full(shape, np.nan)
+        content["special_null"] = np.array([absent if p.null is None else p.null for p in points])
     if any(p.breaks is not None for p in points):
         none = np.full((shape[0], shape[0]), np.nan)
-        arrays["special_breaks"] = np.array([none if p.breaks is None else p.breaks.matrix for p in points])
-    return arrays, [_metadata(p) for p in points]
+        content["special_breaks"] = np.array([none if p.breaks is None else p.breaks.matrix for p in points])
+    return content
 
 
-def unpacked(
-    arrays: Mapping[str, Any],
-    entries: Sequence[Mapping[str, Any]],
-    *,
-    name: str,
-    output_names: tuple[str, ...],
-    periods: int,
-    problem: HarmonicBalance | None,
-) -> tuple[SpecialPoint, ...]:
-    """Return the special points of what `packed` made, on a branch in the parameter ``name``."""
+def unpacked(content: dict[str, Any], problem: HarmonicBalance | None) -> tuple[SpecialPoint, ...]:
+    """Take what `packed` made out of the content of a branch's file, and return the special points."""
+    coefficients, amplitudes, nulls, breaks = (content.pop(name) for name in COLUMNS)
     points = []
-    for i, entry in enumerate(entries):
-        null = arrays["special_null"][i]
+    for i, row in enumerate(content["special_points"]):
+        if row["index"] >= len(content["parameter"]):
+            raise ValueError(f"special point {i} lies after point {row['index']} of {len(content['parameter'])}")
         solution = Solution(
-            coefficients=arrays["special_coefficients"][i],
-            amplitudes=arrays["special_amplitudes"][i],
-            parameters=entry["parameters"],
-            statistics=entry["statistics"],
-            output_names=output_names,
-            periods=periods,
+            coefficients=coefficients[i],
+            amplitudes=amplitudes[i],
+            parameters=row["parameters"],
+            statistics=row["statistics"],
+            output_names=content["output_names"],
+            periods=content["periods"],
             problem=problem,
         )
+        broken = row["breaks"]
         points.append(
             SpecialPoint(
-                kind=Kind[entry["kind"]],
-                name=name,
-                value=entry["value"],
-                bracket=(entry["bracket"][0], entry["bracket"][1]),
-                index=entry["index"],
-                refined=entry["refined"],
+                kind=row["kind"],
+                name=content["name"],
+                value=row["value"],
+                bracket=row["bracket"],
+                index=row["index"],
+                refined=row["refined"],
                 solution=solution,
-                null=None if np.all(np.isnan(null)) else null,
-                multiplier=None if entry["multiplier"] is None else complex(*entry["multiplier"]),
-                sensitivity=entry["sensitivity"],
-                breaks=_symmetry(entry.get("breaks"), arrays, i),
+                null=None if np.all(np.isnan(nulls[i])) else nulls[i],
+                multiplier=None if row["multiplier"] is None else complex(*row["multiplier"]),
+                sensitivity=row["sensitivity"],
+                breaks=None if broken is None else Symmetry(breaks[i], shift=broken["shift"], name=broken["name"]),
             )
         )
     return tuple(points)
 
 
-def _symmetry(entry: Mapping[str, Any] | None, arrays: Mapping[str, Any], i: int) -> Symmetry | None:
-    """Return the symmetry that the i-th point breaks; in files from before there was such a thing, none."""
-    return None if entry is None else Symmetry(arrays["special_breaks"][i], shift=entry["shift"], name=entry["name"])
-
-
-def _metadata(point: SpecialPoint) -> dict[str, Any]:
+def _row(point: SpecialPoint) -> dict[str, Any]:
     return {
         "kind": point.kind.name,
         "value": point.value,

@@ -11,8 +11,8 @@ from typing import Any
 
 from tqdm.auto import tqdm
 
-from hbnlp.core.checks import file_name, real_number
-from hbnlp.core.errors import SaveError
+from hbnlp.core.checks import real_number
+from hbnlp.core.storage import archive_name
 
 logger = logging.getLogger(__name__)
 
@@ -79,18 +79,20 @@ class ProgressBar:
 
 
 class Autosave:
-    """Save the result to a file every ``seconds`` and at the end; a failure to write is logged, no more.
+    """Save the result to a file every ``seconds`` and at the end; a save that fails, for whatever reason, ends nothing.
 
-    For all that has a ``save``: branches, sweeps, fold curves and resolved branches.
+    That it failed is logged as a warning, once until a save succeeds; it is tried again when it is time. For all that
+    has a ``save``: branches, sweeps, fold curves and resolved branches.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, seconds: float = 30.0) -> None:
-        file_name("path", path)
+        archive_name("path", path)
         real_number("seconds", seconds, above=0.0, advice=", the time between two saves")
         self.path = path
         self.seconds = seconds
         self._last = time.monotonic()
         self._task = ""
+        self._failing = False
 
     def __call__(self, progress: Progress) -> None:
         """Save if it is time."""
@@ -102,8 +104,15 @@ class Autosave:
                 )
             self._task = progress.task
         if progress.done or time.monotonic() - self._last >= self.seconds:
-            try:
-                progress.result().save(self.path)
-            except SaveError as error:
-                logger.warning("autosave failed, %s goes on: %s", progress.task, error)
+            self._save(progress)
             self._last = time.monotonic()
+
+    def _save(self, progress: Progress) -> None:
+        try:
+            progress.result().save(self.path)
+        except Exception as error:  # noqa: BLE001 - what was computed is worth more than its file
+            if not self._failing:
+                logger.warning("autosave failed, %s goes on and it is tried again: %s", progress.task, error)
+            self._failing = True
+        else:
+            self._failing = False

@@ -54,6 +54,10 @@ class SaveError(HbnlpError, OSError):
     """A file could not be written; nothing in memory was lost and no older file was touched."""
 
 
+class LoadError(HbnlpError, ValueError, OSError):
+    """A file is damaged, cut off, of another kind or version, or does not hold what a record of its kind has."""
+
+
 def restored(kind: type[HbnlpError], arguments: tuple[Any, ...], state: dict[str, Any]) -> HbnlpError:
     """Return an error from another process without its constructor, whose arguments are not those of the message."""
     error = kind.__new__(kind, *arguments)

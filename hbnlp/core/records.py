@@ -2,69 +2,81 @@
 
 from __future__ import annotations
 
+import errno
+import json
 import os
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
 from hbnlp.core.checks import position, unknown_name
-from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.errors import SaveError
+from hbnlp.core.layout import Layout
+from hbnlp.core.storage import as_text, load_arrays, refused_as_unreadable, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
 
-class Layout(NamedTuple):
-    """How a kind of record lies in its file: which of its attributes are arrays, and which go into the metadata.
+def save_record(record: Any, path: str | os.PathLike[str], layout: Layout, **parts: Any) -> None:
+    """Write a record to one ``.npz`` file without pickle, whole or not at all.
 
-    Those of the arrays that are ``optional`` may be None, and lack in files of earlier versions.
-    """
-
-    kind: str
-    arrays: tuple[str, ...]
-    metadata: tuple[str, ...]
-    optional: tuple[str, ...] = ()
-
-
-def save_record(record: Any, path: str | os.PathLike[str], layout: Layout) -> None:
-    """Write a record to one ``.npz`` file without pickle, whole or not at all; an array that is None is left out.
+    Parameters
+    ----------
+    record : object
+    path : path-like
+    layout : Layout
+    **parts
+        Columns and plain values that are not the record's attributes as they are. A column that is None is left out.
 
     Raises
     ------
     SaveError
-        If the file cannot be written.
+        If the file cannot be written, or the record is not as its layout says.
     """
-    save_arrays(path, layout.kind, *parts_of(record, layout))
+    content = {n: parts[n] if n in parts else getattr(record, n) for n in (*layout.columns, *layout.entries)}
+    arrays = {name: content[name] for name in layout.columns if content[name] is not None}
+    save_columns(path, layout, arrays, {name: _plain(content[name]) for name in layout.entries})
 
 
-def load_record(path: str | os.PathLike[str], layout: Layout) -> dict[str, Any]:
-    """Return the attributes of a record that `save_record` wrote; lists come back as tuples.
+def save_columns(
+    path: str | os.PathLike[str], layout: Layout, arrays: Mapping[str, Any], metadata: Mapping[str, Any] | None = None
+) -> None:
+    """Write arrays and plain values that are as a layout says; see `save_record`."""
+    loose = layout.not_finite(arrays)
+    written = {**(metadata or {}), "not_finite": loose}
+    try:
+        layout.check(arrays, json.loads(as_text(written)), loose=frozenset(loose))
+    except ValueError as error:
+        msg = f"could not write {os.fspath(path)!r}: as a {layout.kind} it could not be read again, {error}"
+        raise SaveError(errno.EINVAL, msg) from error
+    save_arrays(path, layout.kind, arrays, written)
+
+
+@contextmanager
+def loaded(path: str | os.PathLike[str], layout: Layout, *, plain: bool = False) -> Iterator[dict[str, Any]]:
+    """Give the columns and plain values of a file to a block that makes a record of them.
+
+    Parameters
+    ----------
+    path : path-like
+    layout : Layout
+    plain : bool
+        Whether an archive of arrays alone will do; see `load_arrays`.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
-    ValueError
-        If the file is damaged, holds something else, or lacks a part.
+    LoadError
+        (A `ValueError`.) If the file is damaged, holds something else, or not what the layout says; or if the block
+        finds that no record can be made of it.
     """
-    return attributes_of(path, *load_arrays(path, layout.kind), layout)
-
-
-def parts_of(record: Any, layout: Layout) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what a layout names of a record: arrays, those that are None left out, and metadata."""
-    columns = {name: getattr(record, name) for name in layout.arrays}
-    arrays = {name: column for name, column in columns.items() if column is not None}
-    return arrays, {name: _plain(getattr(record, name)) for name in layout.metadata}
-
-
-def attributes_of(
-    path: str | os.PathLike[str], arrays: Mapping[str, Any], metadata: Mapping[str, Any], layout: Layout
-) -> dict[str, Any]:
-    """Return the attributes that a layout names from what a file holds; a ValueError says which one it lacks."""
-    for name in (*layout.arrays, *layout.metadata):
-        if name not in arrays and name not in metadata and name not in layout.optional:
-            raise ValueError(f"{os.fspath(path)!r} has no {name!r}; it is damaged, or from another version")
-    content: dict[str, Any] = {name: arrays.get(name) for name in layout.arrays}
-    return content | {name: tuple(v) if isinstance(v := metadata[name], list) else v for name in layout.metadata}
+    arrays, metadata = load_arrays(path, layout.kind, plain=plain)
+    with refused_as_unreadable(path, layout.kind):
+        loose = frozenset(metadata.pop("not_finite", ()))
+        columns, values = layout.check(arrays, metadata, loose=loose)
+        yield columns | values
 
 
 class AlongParameter:

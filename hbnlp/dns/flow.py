@@ -235,6 +235,14 @@ class Simulation:
                 f"the state belongs to a grid with (h, nx, ny, x0, y0, levels) = {arrays['grid'].tolist()}, "
                 f"this one has {mine['grid'].tolist()}; build the simulation with the grid of the state"
             )
+        inner = (len(self.psi), *(size - 2 for size in self.psi[0].shape))
+        wanted = {"psi": self.psi.shape, "gamma": self.psi.shape, "psi_before": self.psi[0].shape, "convection": inner}
+        for name, shape in wanted.items():
+            if arrays[name].shape != shape and (name != "convection" or arrays[name].size):
+                raise ValueError(
+                    f"{name} of the state has the shape {arrays[name].shape}, that of its grid is {shape}; "
+                    "give a state as Simulation.state returned it"
+                )
         if arrays["reynolds"] != self.reynolds:
             _log.warning(
                 "the state was computed at Re = %g and goes on at Re = %g", float(arrays["reynolds"]), self.reynolds
@@ -247,7 +255,7 @@ class Simulation:
         convection = arrays["convection"]
         self._explicit.convection = convection.copy() if same_step and convection.size else None
         wall = {name.removeprefix("wall_"): value for name, value in arrays.items() if name.startswith("wall_")}
-        same_wall = wall.keys() == self.wall.state().keys()
+        same_wall = {n: v.shape for n, v in wall.items()} == {n: v.shape for n, v in self.wall.state().items()}
         self.wall.restore(wall if same_wall else {}, self.time)
         self._metric = self.wall.metric()
         self._records = []

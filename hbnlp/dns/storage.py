@@ -3,14 +3,39 @@
 from __future__ import annotations
 
 import os
-from dataclasses import fields
 
 from hbnlp.core.checks import instance_of
-from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.layout import Column, Layout
+from hbnlp.core.records import loaded, save_columns, save_record
 from hbnlp.dns.flow import Simulation
 from hbnlp.dns.history import History
 
-_STATE, _HISTORY = "flow state", "flow history"
+_STATE = Layout(
+    kind="flow state",
+    columns={
+        "grid": Column("6"),
+        "clock": Column("3"),
+        "reynolds": Column(""),
+        "psi": Column("levels nx ny"),
+        "gamma": Column("levels nx ny"),
+        "psi_before": Column("nx ny"),
+        "convection": Column("..."),  # empty before the first step
+    },
+    more={"wall_": Column("...")},
+)
+_HISTORY = Layout(
+    kind="flow history",
+    columns={
+        "load_time": Column("steps"),
+        "time": Column("steps"),
+        "lift": Column("steps"),
+        "drag": Column("steps"),
+        "jump": Column("steps points"),
+        "coefficients": Column("steps modes"),
+        "deflection": Column("steps shapes"),
+        "rate": Column("steps shapes"),
+    },
+)
 
 
 def save_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
@@ -22,7 +47,7 @@ def save_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
         (An `OSError`.) If the file cannot be written; an older file of that name is as it was.
     """
     instance_of("simulation", simulation, Simulation, "a Simulation")
-    save_arrays(path, _STATE, simulation.state(), {})
+    save_columns(path, _STATE, simulation.state())
 
 
 def load_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
@@ -32,12 +57,16 @@ def load_state(simulation: Simulation, path: str | os.PathLike[str]) -> None:
     ------
     FileNotFoundError
         If there is no such file.
+    LoadError
+        (A `ValueError`.) If the file is damaged or holds something else.
     ValueError
-        If the file holds something else or belongs to another grid.
+        If it belongs to another grid.
     """
     instance_of("simulation", simulation, Simulation, "a Simulation")
     # the first version wrote arrays alone
-    simulation.restore(load_arrays(path, _STATE, plain=True)[0])
+    with loaded(path, _STATE, plain=True) as state:
+        pass
+    simulation.restore(state)
 
 
 def save_history(history: History, path: str | os.PathLike[str]) -> None:
@@ -49,7 +78,7 @@ def save_history(history: History, path: str | os.PathLike[str]) -> None:
         (An `OSError`.) If the file cannot be written; an older file of that name is as it was.
     """
     instance_of("history", history, History, "a History, as Simulation.run returns it")
-    save_arrays(path, _HISTORY, {part.name: getattr(history, part.name) for part in fields(History)}, {})
+    save_record(history, path, _HISTORY)
 
 
 def load_history(path: str | os.PathLike[str]) -> History:
@@ -59,11 +88,8 @@ def load_history(path: str | os.PathLike[str]) -> History:
     ------
     FileNotFoundError
         If there is no such file.
-    ValueError
-        If the file holds something else.
+    LoadError
+        (A `ValueError`.) If the file is damaged or holds something else.
     """
-    arrays, _ = load_arrays(path, _HISTORY, plain=True)
-    names = {part.name for part in fields(History)}
-    if arrays.keys() != names:
-        raise ValueError(f"{os.fspath(path)!r} holds {sorted(arrays)}, but a history has {sorted(names)}")
-    return History(**arrays)
+    with loaded(path, _HISTORY, plain=True) as content:
+        return History(**content)

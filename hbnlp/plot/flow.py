@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.animation import FuncAnimation, PillowWriter
+from PIL import Image
 
 from hbnlp.core.checks import file_name, instance_of, interval, real_number, refused, whole_number
+from hbnlp.core.files import written_whole
 from hbnlp.core.types import Array
 from hbnlp.plot.arguments import axes, result
 
@@ -88,6 +90,8 @@ def animate(
     ------
     ValueError
         If there are no snapshots.
+    SaveError
+        (An `OSError`.) If the file cannot be written.
     """
     file_name("path", path)
     if not os.fspath(path).lower().endswith(".gif"):
@@ -103,13 +107,17 @@ def animate(
     if not snapshots:
         raise ValueError("there are no snapshots; collect some with dns.Snapshots(every=...) as the callback of run")
     figure, ax = plt.subplots(figsize=(7.0, 4.0), dpi=80, layout="constrained")
-
-    def draw(index: int) -> list[Axes]:
+    frames = []
+    for snapshot in snapshots:
         ax.clear()
-        return [plot_vorticity(snapshots[index], ax, limit=limit, x=x, y=y)]
-
-    FuncAnimation(figure, draw, frames=len(snapshots)).save(os.fspath(path), writer=PillowWriter(fps=frames_per_second))
+        plot_vorticity(snapshot, ax, limit=limit, x=x, y=y)
+        picture = io.BytesIO()
+        figure.savefig(picture, format="png")
+        frames.append(Image.open(picture).convert("RGB"))
     plt.close(figure)
+    with written_whole(path) as handle:
+        milliseconds = int(1000 / frames_per_second)
+        frames[0].save(handle, format="GIF", save_all=True, append_images=frames[1:], duration=milliseconds, loop=0)
 
 
 def plot_loads(history: History, ax: Axes | None = None) -> Axes:

@@ -12,7 +12,8 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import instance_of, place
 from hbnlp.core.kinds import Status
-from hbnlp.core.records import AlongParameter, Layout, load_record, save_record
+from hbnlp.core.layout import Column, Entry, Layout, counted_from_one, flag, numbers_by_name, text, texts
+from hbnlp.core.records import AlongParameter, loaded, save_record
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.solution import Solution
@@ -112,7 +113,8 @@ class Sweep(AlongParameter):
         instance_of(
             "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
         )
-        sweep = cls(**load_record(path, _SWEEP), problem=problem)
+        with loaded(path, _SWEEP) as content:
+            sweep = cls(**content, problem=problem)
         solved = np.flatnonzero(sweep.converged)
         if problem is not None and solved.size:
             check_belongs(problem, sweep.solution(int(solved[0])), what="sweep")
@@ -240,20 +242,21 @@ class TimeSweep(AlongParameter):
             If ``system`` is something else.
         """
         instance_of("system", system, System | None, "the System of the record, or None")
-        content = load_record(path, _TIME_SWEEP)
-        if content["coefficients"] is None:
-            n_points, _, length = content["amplitudes"].shape
-            content["coefficients"] = np.full((n_points, 0, 2 * length - 1), np.nan)
+        with loaded(path, _TIME_SWEEP) as content:
+            if content["coefficients"] is None:
+                n_points, _, length = content["amplitudes"].shape
+                content["coefficients"] = np.full((n_points, 0, 2 * length - 1), np.nan)
+            sweep = cls(**content, system=system)
         if system is not None:
             instance_of("system", system, System, "the System that was integrated")
-            names = sorted([content["name"], *content["parameters"]])
-            n_state = content["states"].shape[1]
+            names = sorted([sweep.name, *sweep.parameters])
+            n_state = sweep.states.shape[1]
             if sorted(system.parameters.names) != names or n_state != system.n_state:
                 raise ValueError(
                     f"the sweep has parameters {names} and {n_state} states, the system "
                     f"{sorted(system.parameters.names)} and {system.n_state}: give the system that was integrated"
                 )
-        return cls(**content, system=system)
+        return sweep
 
     def __repr__(self) -> str:
         span = f"{self.parameter[0]:g} to {self.parameter[-1]:g}" if len(self) else "none"
@@ -266,25 +269,39 @@ class TimeSweep(AlongParameter):
         )
 
 
-_SHARED = ("name", "output_names", "parameters", "periods", "complete", "message")
+_ENTRIES: dict[str, Entry] = {
+    "name": text,
+    "output_names": texts,
+    "parameters": numbers_by_name,
+    "periods": counted_from_one,
+    "complete": flag,
+    "message": text,
+}
+_JUMPS = {"jumps": Column("jumps", int), "jump_brackets": Column("jumps 2", finite=False)}
 _SWEEP = Layout(
     kind="sweep",
-    arrays=("parameter", "coefficients", "amplitudes", "converged", "jumps", "jump_brackets"),
-    metadata=_SHARED,
+    columns={
+        "parameter": Column("points"),
+        "coefficients": Column("points dof 2H+1", finite=False),  # nan where Newton's method did not converge
+        "amplitudes": Column("points outputs H+1", complex, finite=False),
+        "converged": Column("points", bool),
+        **_JUMPS,
+    },
+    entries=_ENTRIES,
+    lengths={"outputs": "output_names"},
 )
 _TIME_SWEEP = Layout(
     kind="time sweep",
-    arrays=(
-        "parameter",
-        "coefficients",
-        "amplitudes",
-        "states",
-        "periodic",
-        "defects",
-        "n_periods",
-        "jumps",
-        "jump_brackets",
-    ),
-    metadata=(*_SHARED, "method"),
-    optional=("coefficients",),
+    columns={
+        "parameter": Column("points"),
+        "amplitudes": Column("points outputs H+1", complex),
+        "coefficients": Column("points dof 2H+1", optional=True),
+        "states": Column("points states"),
+        "periodic": Column("points", bool),
+        "defects": Column("points", finite=False),
+        "n_periods": Column("points", int),
+        **_JUMPS,
+    },
+    entries={**_ENTRIES, "method": text},
+    lengths={"outputs": "output_names"},
 )

@@ -1,7 +1,9 @@
 """A branch and its file: saved and loaded, saved on the way, full disks, and its repr."""
 
+import dataclasses
 import errno
 import logging
+import math
 
 import numpy as np
 import pytest
@@ -97,7 +99,7 @@ def test_autosave_on_a_path_that_cannot_be_written_is_logged_and_the_trace_goes_
     with caplog.at_level(logging.WARNING):
         traced = trace(problem, "omega", (0.5, 1.6), callbacks=[Autosave(path, seconds=1e-9)])
     assert_same(traced, branch)
-    assert caplog.text.count("autosave failed, tracing omega goes on") >= 2
+    assert caplog.text.count("autosave failed, tracing omega goes on") == 1
     assert str(path) in caplog.text
 
 
@@ -120,6 +122,34 @@ def test_autosave_on_a_full_disk_keeps_the_last_good_file(problem, branch, tmp_p
     resumed = trace(problem, "omega", (0.5, 1.6), resume=kept)
     check_branch(resumed)
     np.testing.assert_allclose([f.value for f in resumed.folds], [f.value for f in branch.folds], rtol=1e-11)
+
+
+def test_numbers_that_are_not_finite_keep_no_branch_from_its_file(branch, tmp_path):
+    fold = dataclasses.replace(branch.folds[0], sensitivity={"force": math.nan, "gamma": -math.inf}, value=math.inf)
+    residual = np.where(branch.residual == branch.residual.max(), np.nan, branch.residual)
+    odd = dataclasses.replace(
+        branch, special_points=(fold,), residual=residual, parameters={**branch.parameters, "force": math.nan}
+    )
+    odd.save(tmp_path / "branch.npz")
+    loaded = Branch.load(tmp_path / "branch.npz")
+    np.testing.assert_array_equal(loaded.residual, residual)
+    assert math.isnan(loaded.parameters["force"])
+    assert loaded.folds[0].value == math.inf
+    assert math.isnan(loaded.folds[0].sensitivity["force"])
+
+
+@pytest.mark.parametrize("error", [ValueError("whatever"), MemoryError(), RecursionError(), TypeError("odd")])
+def test_whatever_goes_wrong_in_a_save_it_does_not_end_the_trace_and_is_said_once(
+    problem, branch, tmp_path, monkeypatch, caplog, assert_same, error
+):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr("hbnlp.core.storage.np.savez_compressed", fail)
+    with caplog.at_level(logging.WARNING):
+        traced = trace(problem, "omega", (0.5, 1.6), callbacks=[Autosave(tmp_path / "branch.npz", seconds=1e-9)])
+    assert_same(traced, branch)
+    assert caplog.text.count("autosave failed") == 1
 
 
 def test_autosave_leaves_a_file_that_resumes_after_an_error(problem, tmp_path, raising_at):

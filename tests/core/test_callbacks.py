@@ -194,7 +194,7 @@ def test_a_failure_to_save_is_logged_with_the_path(problem, tmp_path, caplog):
         trace(
             problem, "omega", (0.5, 0.7), stability=None, callbacks=[Autosave(tmp_path / "no" / "b.npz", seconds=1e-9)]
         )
-    assert "autosave failed, tracing omega goes on: " in caplog.text
+    assert "autosave failed, tracing omega goes on and it is tried again: " in caplog.text
     assert "b.npz" in caplog.text
 
 

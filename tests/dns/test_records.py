@@ -37,7 +37,7 @@ def test_history_has_a_row_a_step_and_survives_a_file(tmp_path: Path) -> None:
     np.savez(tmp_path / "old.npz", **arrays)
     np.testing.assert_array_equal(dns.load_history(tmp_path / "old.npz").rate, history.rate)
     np.savez(tmp_path / "other.npz", lift=history.lift)
-    with pytest.raises(ValueError, match=r"other\.npz' holds \['lift'\], but a history has"):
+    with pytest.raises(ValueError, match=r"other\.npz' .*it has no 'load_time'"):
         dns.load_history(tmp_path / "other.npz")
 
 

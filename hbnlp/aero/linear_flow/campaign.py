@@ -20,8 +20,10 @@ from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
 from hbnlp.aero.linear_flow.response import LinearResponse
 from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.errors import HbnlpError
-from hbnlp.core.interrupts import interrupts_kept
-from hbnlp.core.storage import load_arrays, save_arrays
+from hbnlp.core.files import write_text
+from hbnlp.core.layout import Column, Layout, mapping, number
+from hbnlp.core.records import loaded, save_columns
+from hbnlp.core.storage import refused_as_unreadable
 from hbnlp.core.types import Array, ComplexArray
 
 logger = logging.getLogger(__name__)
@@ -33,7 +35,9 @@ EQUATIONS = (
 Progress = Callable[[Iterable[float]], Iterable[float]]
 # where unstable eigenvalues are looked for: close together where the stable wake is close to the axis
 SHEDDING = (0.3 + 0.7j, 0.3 + 1.1j, 0.3 + 1.5j, 0.3 + 2.0j, 0.3 + 3.0j, 0.3 + 5.0j)
-_PART = "finished frequency of a campaign"
+_PART = Layout(
+    kind="finished frequency of a campaign", columns={"transfer": Column("N+1 N+2", complex)}, entries={"omega": number}
+)
 
 
 class UnsteadyFlowError(HbnlpError):
@@ -206,13 +210,15 @@ def _compute(
             "ngsolve": importlib.metadata.version("ngsolve"),
         }
         folder.mkdir(parents=True, exist_ok=True)
-        with interrupts_kept():  # half a file would be in the way of going on
-            (folder / "case.json").write_text(json.dumps(asdict(case)))
-            (folder / "facts.json").write_text(json.dumps(facts))
+        write_text(folder / "case.json", json.dumps(asdict(case)))
+        write_text(folder / "facts.json", json.dumps(facts))
         for w in progress(missing):
-            save_arrays(_part(folder, w), _PART, {"transfer": response.transfer(1j * w)}, {"omega": w})
-    parts = [load_arrays(_part(folder, w), _PART)[0]["transfer"] for w in wanted]
-    return np.array(parts), json.loads((folder / "facts.json").read_text())
+            save_columns(_part(folder, w), _PART, {"transfer": response.transfer(1j * w)}, {"omega": w})
+    parts = []
+    for w in wanted:
+        with loaded(_part(folder, w), _PART) as part:
+            parts.append(part["transfer"])
+    return np.array(parts), _read_json(folder / "facts.json")
 
 
 def _refuse_unsteady(response: LinearResponse, case: Case) -> None:
@@ -233,11 +239,16 @@ def _refuse_unsteady(response: LinearResponse, case: Case) -> None:
 
 def _check_same_case(file: Path, case: Case) -> None:
     settings: Mapping[str, Any] = json.loads(json.dumps(asdict(case)))
-    if file.exists() and json.loads(file.read_text()) != settings:
+    if file.exists() and _read_json(file) != settings:
         raise ValueError(
             f"{str(file.parent)!r} belongs to another case, {file.read_text()}; "
             "resume that one, write to another file, or remove the folder"
         )
+
+
+def _read_json(file: Path) -> dict[str, Any]:
+    with refused_as_unreadable(file, "campaign's JSON"):
+        return mapping(json.loads(file.read_text()))
 
 
 def _part(folder: Path, omega: float) -> Path:
