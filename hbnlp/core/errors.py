@@ -54,7 +54,7 @@ class SaveError(HbnlpError, OSError):
     """A file could not be written; nothing in memory was lost and no older file was touched."""
 
 
-class LoadError(HbnlpError, ValueError, OSError):
+class LoadError(HbnlpError, OSError, ValueError):
     """A file is damaged, cut off, of another kind or version, or does not hold what a record of its kind has."""
 
 

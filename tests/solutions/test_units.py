@@ -157,15 +157,18 @@ def test_curves_of_folds(u):
     for units in (OLD, u):
         fold = traced("duffing", units).folds[0]
         span = tuple(force * units.force for force in (0.05, 0.3))
-        curves.append(hbnlp.follow(fold, "force", span=span, limits=(0.5 / units.time, 2.5 / units.time)))
+        limits = (0.5 / units.time, 2.5 / units.time)
+        curves.append(hbnlp.follow(fold, "force", span=span, limits=limits))
+        if units is OLD:
+            fine = hbnlp.follow(fold, "force", span=span, limits=limits, method=hbnlp.PseudoArclength(max_step=0.02))
     old, new = curves
     assert (new.ends, [event.kind for event in new.events]) == (old.ends, [event.kind for event in old.events])
     for i in (0, -1):  # where the points between lie hangs on the lengths of steps
         same(new.first[i], old.first[i], 1.0 / u.time)
         same(new.second[i], old.second[i], u.force)
         same(new.coefficients[i], old.coefficients[i], u.length, rtol=1e-7)
-    apart = off_polygon(np.c_[new.first * u.time, new.second / u.force], np.c_[old.first, old.second])
-    assert apart.max() < 1e-4
+    apart = off_polygon(np.c_[new.first * u.time, new.second / u.force], np.c_[fine.first, fine.second])
+    assert apart.max() < 1e-5
     for one, other in zip(new.events, old.events, strict=True):
         same((one.first * u.time, one.second / u.force), (other.first, other.second), 1.0)
 
