@@ -19,6 +19,7 @@ from hbnlp.core.checks import instance_of, list_of_callables, place, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.records import AlongParameter, Layout, load_record, save_record
+from hbnlp.core.renamed import renamed_name
 from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.attaching import check_belongs
@@ -79,6 +80,9 @@ class ResolvedBranch(AlongParameter):
     def reached(self) -> BoolArray:
         """Whether the tolerance is met, (n_points,)."""
         return np.asarray(self.truncation_error <= self.tolerance)
+
+    def __getattr__(self, name: str) -> Any:
+        raise renamed_name("ResolvedBranch", name, {"solutions": "resolved.solution(i)"})
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution with its own number of harmonics."""
