@@ -71,8 +71,8 @@ class Definition(FieldsAlone):
         except RuntimeError as error:
             raise TypeError(
                 f"system {self.name!r} cannot be pickled or copied: its {what} cannot be rebuilt from what CasADi "
-                "writes of it, as where a casadi.Callback is called, which is Python of this process; write it in CasADi's "
-                "operations, or make the system in the worker"
+                "writes of it, as where a casadi.Callback is called, which is Python of this process; write it in "
+                "CasADi's operations, or make the system in the worker"
             ) from error
 
     @classmethod
