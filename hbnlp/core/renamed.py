@@ -71,4 +71,4 @@ def _instead(unknown: str, value: object, known: Sequence[str]) -> str:
         return f"did you mean {near[0]!r}?"
     is_value = "at" in known and isinstance(value, numbers.Real)
     at = f"; values of parameters are given with at={{{unknown!r}: {value!r}}}" if is_value else ""
-    return f"it takes {', '.join(name for name in known if name != 'self')}{at}"
+    return f"it takes {', '.join(name for name in known if name not in ('self', 'cls'))}{at}"
