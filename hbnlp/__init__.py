@@ -35,6 +35,7 @@ from hbnlp.core.errors import (
     TaskError,
 )
 from hbnlp.core.kinds import End, FoldEvent, Kind, Status
+from hbnlp.core.old_names import announce_old_imports, old_names
 from hbnlp.core.renamed import renamed_name
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.response import TimeResponse
@@ -59,6 +60,8 @@ from hbnlp.wing.lift import lift_response
 from hbnlp.wing.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
 
 __version__ = version("hbnlp")
+
+announce_old_imports()
 
 __all__ = [
     "Adaptive",
@@ -129,11 +132,6 @@ __all__ = [
     "truncation_error",
 ]
 
-_RENAMED = {
-    "fold_curve": "hbnlp.follow(fold, 'force', span=...)",
-    "load_branch": "hbnlp.Branch.load(path, problem=...)",
-}
-
 
 def __getattr__(name: str) -> Any:
-    raise renamed_name("hbnlp", name, _RENAMED)
+    raise renamed_name(__name__, name, old_names(__name__))

@@ -170,6 +170,29 @@ def test_what_cannot_be_sent_says_what_to_do(problem, sent):
             sent(thing)
 
 
+class Cube(ca.Callback):
+    """What is Python of its process by its nature."""
+
+    def __init__(self):
+        super().__init__()
+        self.construct("cube", {"enable_fd": True})
+
+    def eval(self, arguments):
+        return [arguments[0] ** 3]
+
+
+def test_a_system_that_calls_into_this_process_is_refused_here_and_not_in_the_worker():
+    cube = Cube()
+    system = hbnlp.System(
+        [[1]], [[0.1]], [[1]], nonlinear_force=lambda q, v, tau, p: [cube(q[0])], parameters={"omega": 1.0}, name="own"
+    )
+    problem = hbnlp.HarmonicBalance(system, 1)
+    for sent in (pickle.dumps, copy.deepcopy):
+        for thing in (system, problem):
+            with pytest.raises(TypeError, match=r"system .own. cannot be pickled or copied: its force .*in the worker"):
+                sent(thing)
+
+
 def subclasses(kind):
     return {kind}.union(*(subclasses(each) for each in kind.__subclasses__()))
 

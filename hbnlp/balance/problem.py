@@ -33,6 +33,11 @@ from hbnlp.systems.system import System
 MOST_RELATIVES = 32
 """Balances of one system with other numbers of harmonics or samples that are kept."""
 
+_RENAMED = {
+    "output_function": "problem.output(name), an expression of problem.x and problem.p; solutions have harmonics(name)",
+    "parameter": "problem.symbol(name)",
+}
+
 
 class HarmonicBalance:
     """The periodic solutions of a system with H harmonics, as square equations and as a nonlinear program.
@@ -242,7 +247,7 @@ class HarmonicBalance:
         return self.symbols.symbol(name)
 
     def __getattr__(self, name: str) -> Any:
-        raise renamed_name("HarmonicBalance", name, {"parameter": "problem.symbol(name)"})
+        raise renamed_name("HarmonicBalance", name, _RENAMED)
 
     def coefficients(self, dof: int) -> ca.MX:
         """Return the symbols a_0, a_1, ... (2H+1,) of one displacement."""

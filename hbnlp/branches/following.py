@@ -23,6 +23,7 @@ from hbnlp.core.errors import ConvergenceError, SamplingError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import FoldEvent, Kind
+from hbnlp.core.renamed import fewer_arguments, renamed_arguments
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations, along_folds, along_parameter, settled
@@ -30,7 +31,13 @@ from hbnlp.solutions.ipopt import FreeParameters
 from hbnlp.solutions.solution import attached
 from hbnlp.systems.parameters import ParameterSet
 
+AS_FOLLOW = "follow(fold, 'force', span=...): a fold knows its problem and its own parameter"
 
+
+@renamed_arguments(
+    second_span="span", first_span="limits", problem=AS_FOLLOW, fold="point", first=AS_FOLLOW, second="name"
+)
+@fewer_arguments(2, AS_FOLLOW)
 @interrupts_kept(returns=True)
 def follow(
     point: SpecialPoint,

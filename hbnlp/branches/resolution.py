@@ -20,6 +20,7 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Layout, counted_from_one, number, numbers_by_name, text, texts
 from hbnlp.core.records import AlongParameter, loaded, save_record
+from hbnlp.core.renamed import renamed_name
 from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.solutions.attaching import check_belongs
@@ -80,6 +81,9 @@ class ResolvedBranch(AlongParameter):
     def reached(self) -> BoolArray:
         """Whether the tolerance is met, (n_points,)."""
         return np.asarray(self.truncation_error <= self.tolerance)
+
+    def __getattr__(self, name: str) -> Any:
+        raise renamed_name("ResolvedBranch", name, {"solutions": "resolved.solution(i)"})
 
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution with its own number of harmonics."""

@@ -105,12 +105,13 @@ def _first(
     """Return the curve and its first point, which is solved for unless it is a solution already."""
     parameters = problem.system.parameters
     parameters.values(at, but=(name,))  # what is wrong with them is said here
-    given = {name: span[0], **(start.parameters if isinstance(start, Solution) else {}), **(at or {})}
+    x = guess_for(problem, start) if isinstance(start, Solution) else None
+    its = parameters.of_start(start.parameters) if isinstance(start, Solution) else {}
+    given = {name: span[0], **its, **(at or {})}
     values = problem.values(given)
     here, (low, high) = float(values[parameters.index(name)]), sorted(span)
     if not low <= here <= high:
         raise ValueError(f"the start has {name} = {here:g}, outside the span {span}")
-    x = guess_for(problem, start) if isinstance(start, Solution) else None
     if x is None or not _is_solution(problem, x, values):
         found = solve(problem, at=given, start=start)
         assert found.problem is not None

@@ -31,7 +31,7 @@ from hbnlp.stability.result import Floquet
 from hbnlp.systems.linear_stability import check_linear_stability
 
 DEFAULT_STABILITY = Floquet()
-AWAY_FROM = "hbnlp.trace(start, ...): a start from switch_branch knows where it leads away from, its origin"
+AWAY_FROM = "(start, name, span), the start in the problem's place: one from switch_branch leads away from its origin"
 
 ROUGH = 1e-4
 """Twice the samples of a smooth force do not move the residual by more than this part of its terms, over one step."""

@@ -12,9 +12,16 @@ from typing import Any
 from tqdm.auto import tqdm
 
 from hbnlp.core.checks import real_number
+from hbnlp.core.renamed import renamed_name
 from hbnlp.core.storage import archive_name
 
 logger = logging.getLogger(__name__)
+
+_RENAMED = {
+    "branch": "progress.result()",
+    "n_folds": "progress.counts['folds']",
+    "n_points": "progress.counts['points']",
+}
 
 
 class StopTracing(Exception):
@@ -49,6 +56,9 @@ class Progress:
     counts: Mapping[str, int]
     done: bool
     result: Callable[[], Any]
+
+    def __getattr__(self, name: str) -> Any:
+        raise renamed_name("Progress", name, _RENAMED)
 
 
 Callbacks = Sequence[Callable[[Progress], None]]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from hbnlp.core.renamed import renamed_name
+
 
 class HbnlpError(Exception):
     """Base class of the errors that hbnlp raises for reasons other than a wrong argument.
@@ -36,6 +38,9 @@ class TaskError(HbnlpError):
     def __init__(self, task: str, result: Any, error: Exception) -> None:
         super().__init__(f"{task} failed; the attribute 'result' of this error keeps all computed before: {error}")
         self.result = result
+
+    def __getattr__(self, name: str) -> Any:
+        raise renamed_name("TaskError", name, {"branch": "result"})
 
 
 class NonFiniteError(HbnlpError):

@@ -14,6 +14,7 @@ import numpy as np
 from hbnlp.core.checks import position, unknown_name
 from hbnlp.core.errors import SaveError
 from hbnlp.core.layout import Layout
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.storage import as_text, load_arrays, refused_as_unreadable, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
@@ -95,6 +96,7 @@ class AlongParameter:
         """Return the complex amplitudes (n_points, H+1) of a named output: ``a_0`` and ``a_{2h-1} - i a_{2h}``."""
         return self.amplitudes[:, position("output", output, self.output_names)]
 
+    @renamed_arguments(index="solution(index).parameters; values(name) is an array along the record")
     def values(self, name: str) -> Array:
         """Return the values (n_points,) of a parameter, the one that varies or another."""
         return values_of(name, {self.name: self.parameter}, self.parameters)
@@ -112,7 +114,7 @@ def values_of(name: str, columns: Mapping[str, Array], others: Mapping[str, floa
     """
     if not isinstance(name, str):
         raise TypeError(
-            f"values({name!r}): give the name of a parameter; those of one point are solution({name!r}).parameters"
+            f"values({name}): give the name of a parameter; those of one point are solution({name}).parameters"
         )
     if name in columns:
         return columns[name]

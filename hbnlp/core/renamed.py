@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import numbers
 from collections.abc import Callable, Mapping, Sequence
 from typing import ParamSpec, TypeVar
 
@@ -21,7 +22,7 @@ def renamed_arguments(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         known = list(inspect.signature(function).parameters)
-        called = getattr(function, "__qualname__", "function").removesuffix(".__init__")
+        called = getattr(function, "__qualname__", "function").removesuffix(".__init__").rpartition(".")[2]
 
         @functools.wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -44,7 +45,8 @@ def fewer_arguments(most: int, write: str) -> Callable[[Callable[P, R]], Callabl
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
             if len(args) > most:
                 name = getattr(function, "__name__", "function")
-                raise TypeError(f"{name}() takes no more than {most} arguments by position now: {_now(write)}")
+                many = "one argument" if most == 1 else f"{most} arguments"
+                raise TypeError(f"{name}() takes no more than {many} by position now: {_now(write)}")
             return function(*args, **kwargs)
 
         return checked
@@ -67,5 +69,6 @@ def _instead(unknown: str, value: object, known: Sequence[str]) -> str:
     near = difflib.get_close_matches(unknown, known, n=1)
     if near:
         return f"did you mean {near[0]!r}?"
-    at = f"; values of parameters are given with at={{{unknown!r}: {value!r}}}" if "at" in known else ""
-    return f"it takes {', '.join(name for name in known if name != 'self')}{at}"
+    is_value = "at" in known and isinstance(value, numbers.Real)
+    at = f"; values of parameters are given with at={{{unknown!r}: {value!r}}}" if is_value else ""
+    return f"it takes {', '.join(name for name in known if name not in ('self', 'cls'))}{at}"

@@ -9,6 +9,10 @@
 (9,)
 """
 
+from typing import Any
+
+from hbnlp.core.old_names import old_names
+from hbnlp.core.renamed import renamed_name
 from hbnlp.dns.bodies import MovingPoints, Points, SharpPlate, circle
 from hbnlp.dns.errors import FlowError
 from hbnlp.dns.flow import Simulation
@@ -49,3 +53,7 @@ __all__ = [
     "step_response",
     "together",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    raise renamed_name(__name__, name, old_names(__name__))

@@ -67,7 +67,8 @@ def initial_state(system: System, start: Any, values: Array, periods: int) -> Ar
     elif isinstance(start, type) or callable(getattr(start, "coefficients", None)):
         raise refused(TypeError, "start", start, "a state, coefficients, a solution or a TimeResponse")
     elif hasattr(start, "coefficients"):
-        point = system.parameters.values(getattr(start, "parameters", None) or system.parameters.as_dict(values))
+        its = system.parameters.of_start(getattr(start, "parameters", None) or system.parameters.as_dict(values))
+        point = system.parameters.values(its)
         its_periods: int = getattr(start, "periods", 0) or getattr(getattr(start, "problem", None), "periods", 1)
         return state_of(system, start.coefficients, point, its_periods)
     state: Array = finite_array("start", start)
@@ -81,7 +82,7 @@ def initial_state(system: System, start: Any, values: Array, periods: int) -> Ar
     return state
 
 
-@renamed_arguments(initial="start")
+@renamed_arguments(initial="start", progress="callbacks=[...]: each is called with a hbnlp.Progress")
 @interrupts_kept(returns=True)
 def integrate(
     system: System,

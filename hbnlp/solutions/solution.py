@@ -189,7 +189,9 @@ class Attachable(Protocol):
         ...
 
 
-def attached(record: Attachable, advice: str = "solve or trace it again from there") -> HarmonicBalance:
+def attached(
+    record: Attachable, advice: str = "load it with problem=..., or its branch, or solve it again"
+) -> HarmonicBalance:
     """Return the problem of a record; a record from a file has none, which is a ValueError with the advice."""
     if record.problem is None:
         kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(record).__name__).lower()
@@ -224,11 +226,18 @@ def guess_for(problem: HarmonicBalance, near: Solution | ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        If the problem's periods are no multiple of the solution's, or the coefficients have another shape.
+        If the solution is of another system or the problem's periods are no multiple of its, or the coefficients have
+        another shape.
     """
     if not isinstance(near, Solution):
         accepted = (problem.shape[0], None)
         return problem.vector(finite_array("start", near, accepted, advice=" (2H+1 coefficients), or a Solution"))
+    own, its = problem.shape[0], len(near.coefficients)
+    if its != own:
+        raise ValueError(
+            f"start is a solution with {its} displacement(s), the system {problem.system.name!r} has {own}: it is of "
+            f"another system; give one of this, or coefficients of shape ({own}, 2H+1)"
+        )
     factor, rest = divmod(problem.periods, near.periods)
     if rest or not factor:
         raise ValueError(

@@ -14,10 +14,16 @@ from hbnlp.core.checks import instance_of, place
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Entry, Layout, counted_from_one, flag, numbers_by_name, text, texts
 from hbnlp.core.records import AlongParameter, loaded, save_record
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
+from hbnlp.integration.cvodes import Adaptive
+from hbnlp.integration.settling import integrate
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.solution import Solution
 from hbnlp.systems.system import System
+
+REPEATS = 1e-2
+"""A periodic response whose state changes more over a window is none of the system; less may be the steps' error."""
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -231,6 +237,7 @@ class TimeSweep(AlongParameter):
         save_record(self, path, _TIME_SWEEP)
 
     @classmethod
+    @renamed_arguments()
     def load(cls, path: str | os.PathLike[str], *, system: System | None = None) -> TimeSweep:
         """Return a sweep from a file that `save` wrote, with its system if that is given.
 
@@ -256,6 +263,7 @@ class TimeSweep(AlongParameter):
                     f"the sweep has parameters {names} and {n_state} states, the system "
                     f"{sorted(system.parameters.names)} and {system.n_state}: give the system that was integrated"
                 )
+            _check_repeats(system, sweep)
         return sweep
 
     def __repr__(self) -> str:
@@ -266,6 +274,30 @@ class TimeSweep(AlongParameter):
             f"  outputs: {', '.join(self.output_names)}; {self.amplitudes.shape[2] - 1} harmonics\n"
             f"  jumps: {jumps}\n"
             f"  {self.message}"
+        )
+
+
+def _check_repeats(system: System, sweep: TimeSweep) -> None:
+    """Raise a ValueError unless the last periodic response of a sweep repeats itself in a system, over one window."""
+    periodic = np.flatnonzero(sweep.periodic)
+    if not periodic.size:
+        return
+    last, periods = int(periodic[-1]), sweep.periods
+    again = integrate(
+        system,
+        at={**sweep.parameters, sweep.name: float(sweep.parameter[last])},
+        start=sweep.states[last],
+        method=Adaptive(),
+        periods=periods,
+        max_periods=periods,
+        throw=False,
+    )
+    change = float(again.defects[-1]) if again.stopped_at is None else np.inf
+    if change > REPEATS + 10.0 * sweep.defects[last]:
+        raise ValueError(
+            f"the sweep's response at {sweep.name} = {sweep.parameter[last]:g} does not repeat itself in "
+            f"this system: its state changes by {change:.1e} of its size over a window; give the system that "
+            "was integrated"
         )
 
 

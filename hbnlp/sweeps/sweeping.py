@@ -48,7 +48,7 @@ def sweep(
     periodic_tol: float | None = None,
     find_jumps: bool | None = None,
 ) -> TimeSweep: ...
-@renamed_arguments(initial="start")
+@renamed_arguments(initial="start", progress="callbacks=[...]: each is called with a hbnlp.Progress")
 @interrupts_kept(returns=True)
 def sweep(
     subject: HarmonicBalance | System,

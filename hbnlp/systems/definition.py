@@ -57,9 +57,23 @@ class Definition(FieldsAlone):
 
     @built_once
     def content(self) -> bytes:
-        """The definition as bytes, some tens of kilobytes for a wing."""
+        """The definition as bytes, some tens of kilobytes for a wing; a TypeError if it would not arrive."""
+        for what in ("matrices", "force", "signals", "outputs"):
+            if getattr(self, what).find_functions():
+                self._check_arrival(what)
         # CasADi writes two letters a byte and eight bytes an index: compressed, a twelfth is left
         return lzma.compress(pickle.dumps(self, protocol=5), preset=0)
+
+    def _check_arrival(self, what: str) -> None:
+        # CasADi writes a Callback without a word, and fails to read it: in the worker, which ends with its pool
+        try:
+            ca.Function.deserialize(getattr(self, what).serialize())
+        except RuntimeError as error:
+            raise TypeError(
+                f"system {self.name!r} cannot be pickled or copied: its {what} cannot be rebuilt from what CasADi "
+                "writes of it, as where a casadi.Callback is called, which is Python of this process; write it in "
+                "CasADi's operations, or make the system in the worker"
+            ) from error
 
     @classmethod
     def of(cls, content: bytes) -> Definition:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import cast
 
@@ -43,7 +44,8 @@ class Invariance:
         if lack is not None:
             raise ValueError(
                 f"the system does not have the symmetry {symmetry.name!r}: {lack} at {self._in_words(values)}; correct "
-                "its matrix or its shift, or leave it out (system.symmetries_at(...) tells those that there are)"
+                f"its matrix or its shift ({symmetry.shift:.6g}, where 2 pi is a period of the forcing), or leave it "
+                "out (system.symmetries_at(...) tells those that there are)"
             )
 
     def check_given(self, angles: tuple[int, ...]) -> None:
@@ -85,10 +87,15 @@ def list_of_symmetries(given: Sequence[Symmetry], n_dof: int) -> tuple[Symmetry,
     TypeError
         If it is no sequence of symmetries.
     ValueError
-        If one is of another number of degrees of freedom.
+        If one is of another number of degrees of freedom, two are one, or two have one name.
     """
     if not isinstance(given, Sequence) or not all(isinstance(each, Symmetry) for each in given):
         raise TypeError(f"symmetries is {given!r}; give a list, [hbnlp.Symmetry(matrix)], also for a single one")
+    for one, other in itertools.combinations(given, 2):
+        if one == other:
+            raise ValueError(f"symmetries: {one.name!r} and {other.name!r} are the same; give it once")
+        if one.name == other.name:
+            raise ValueError(f"symmetries: two are named {one.name!r}; give each a name= of its own")
     return tuple(of_size(each, n_dof) for each in given)
 
 

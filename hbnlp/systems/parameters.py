@@ -162,6 +162,16 @@ class ParameterSet:
                 raise KeyError(f"parameter {name!r} is missing (given: {', '.join(mapping) or 'none'})")
         return np.array([mapping[name] for name in self.names], dtype=float)
 
+    def of_start(self, its: Mapping[str, float]) -> dict[str, float]:
+        """Return the parameters of a solution that serves as a start; a ValueError if they are another system's."""
+        others = [name for name in its if name not in self.names]
+        if others:
+            raise ValueError(
+                f"start is a solution of another system: its parameters {others} are unknown here (known: "
+                f"{list(self.names)}); give its motion alone, start=solution.coefficients, and values with at="
+            )
+        return dict(its)
+
     def as_dict(self, values: Iterable[float]) -> dict[str, float]:
         """Return the values as a dictionary by name."""
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}

@@ -125,6 +125,11 @@ def test_a_saved_sweep_comes_back_whole(tmp_path):
     loaded = TimeSweep.load(tmp_path / "sweep.npz")
     assert loaded.system is None
     assert TimeSweep.load(tmp_path / "sweep.npz", system=sweep.system).system is sweep.system
+    softer = System([[1.0]], [[0.05]], [[0.9]], parameters=dict(sweep.system.parameters.defaults))
+    with pytest.raises(ValueError, match=r"at omega = 1.29 does not repeat itself in this system: its state"):
+        TimeSweep.load(tmp_path / "sweep.npz", system=softer)
+    with pytest.raises(TypeError, match=r"no argument 'problem'; it takes path, system"):
+        TimeSweep.load(tmp_path / "sweep.npz", problem=sweep.system)
     for name, value in vars(dataclasses.replace(sweep, system=None)).items():
         other = getattr(loaded, name)
         assert type(other) is type(value), name

@@ -1,6 +1,7 @@
 """What a system knows about itself: named symmetries, those that are found, angles, and by how much others fail."""
 
 import copy
+import functools
 import pickle
 
 import casadi as ca
@@ -240,6 +241,27 @@ def test_a_force_that_does_not_go_with_a_symmetry_says_where():
             np.eye(2),
             nonlinear_force=lambda q, v, tau, p: [0.0, q[1] ** 3],
             symmetries=[Symmetry([[0, -1], [1, 0]], name="quarter")],
+        )
+
+
+def test_one_symmetry_under_two_names_and_two_under_one_are_refused():
+    make = functools.partial(System, np.eye(2), 0.1 * np.eye(2), np.eye(2), parameters={"omega": 1.0})
+    swap = Symmetry([[0, 1], [1, 0]], name="swap")
+    with pytest.raises(ValueError, match="'swap' and 'exchange' are the same; give it once"):
+        make(symmetries=[swap, Symmetry(swap.matrix, name="exchange")])
+    with pytest.raises(ValueError, match="two are named 'swap'; give each a name= of its own"):
+        make(symmetries=[swap, Symmetry([[1, 0], [0, -1]], name="swap")])
+
+
+def test_a_shift_in_parts_of_a_period_instead_of_radians_shows_in_the_error():
+    with pytest.raises(ValueError, match=r"its shift \(0.5, where 2 pi is a period of the forcing\)"):
+        System(
+            [[1]],
+            [[0.1]],
+            [[1]],
+            forcing=lambda tau, p: [ca.cos(tau)],
+            parameters={"omega": 1.0},
+            symmetries=[Symmetry([[-1]], shift=0.5)],
         )
 
 
