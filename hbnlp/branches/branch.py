@@ -121,6 +121,13 @@ class Branch(AlongParameter):
             problem=self.problem,
         )
 
+    def _turns_at(self, point: SpecialPoint) -> bool:
+        """Return whether the parameter turns at a special point: a fold, or the pitchfork that a branch comes from."""
+        if point.kind not in (Kind.FOLD, Kind.BRANCH_POINT) or not point.refined:
+            return False
+        before, after = self.parameter[point.index : point.index + 2] - point.value
+        return bool(point.kind is Kind.FOLD or before * after > 0.0)
+
     @interrupts_kept()
     def at(self, value: float) -> tuple[Solution, ...]:
         """Return the solutions at which the branch passes a value of its parameter, in branch order.
@@ -145,7 +152,7 @@ class Branch(AlongParameter):
         largest = float(np.linalg.norm(self.coefficients, axis=(1, 2)).max(initial=0.0))
         curve = along_parameter(problem, values, self.name, span=self.span, floor=max(1e-3 * largest, TINY))
         points = np.array([curve.point(self.coefficients[i], self.parameter[i]) for i in range(len(self))])
-        turns = [fold for fold in self.folds if fold.refined]
+        turns = [point for point in self.special_points if self._turns_at(point)]
         turning = [curve.point(fold.solution.coefficients, fold.value) for fold in turns]
         points = np.insert(points, [fold.index + 1 for fold in turns], turning, axis=0) if turns else points
         if self.closed:

@@ -172,3 +172,15 @@ def test_identical_parts_fold_where_one_of_them_does(count, coupling):
     np.testing.assert_allclose([fold.value for fold in branch.folds], [1.269601955, 1.115700252], atol=2e-7)
     if coupling == 0.0:
         assert branch.branch_points == ()
+
+
+def test_solutions_beside_a_pitchfork_at_which_a_branch_turns():
+    """Between the pitchfork and the next point on either side: the branch and its mirror image pass each value there."""
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(damping_ratio=0.05, cubic=1.0, force=2.0), 9)
+    symmetric = hbnlp.trace(problem, "omega", (0.6, 1.2))
+    for point in symmetric.branch_points:
+        one, other = hbnlp.switch_branch(point)
+        branch = hbnlp.trace(one, "omega", (0.6, 1.2))
+        for start in (one, other):
+            sizes = [np.linalg.norm(s.coefficients - start.coefficients) for s in branch.at(start.omega)]
+            assert min(sizes) < 1e-8 * np.linalg.norm(start.coefficients)
