@@ -175,7 +175,7 @@ def test_identical_parts_fold_where_one_of_them_does(count, coupling):
 
 
 def test_solutions_beside_a_pitchfork_at_which_a_branch_turns():
-    """Between the pitchfork and the next point on either side: the branch and its mirror image pass each value there."""
+    """Between the pitchfork and the next points the branch and its mirror image pass each value."""
     problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(damping_ratio=0.05, cubic=1.0, force=2.0), 9)
     symmetric = hbnlp.trace(problem, "omega", (0.6, 1.2))
     for point in symmetric.branch_points:
