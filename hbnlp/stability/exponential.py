@@ -41,13 +41,15 @@ class MeanModes:
         Eigenvectors, those of pairs doubled, and their dual ones: matrices are real parts of products.
     driven : (n_modes, n_rows), complex
         left G.
+    rounding : float
+        What rounding in the eigenvectors may add to the error of multipliers.
     """
 
     def __init__(
         self, plant: Plant, basis: tuple[ComplexArray, ComplexArray, ComplexArray], rows: IntArray, columns: IntArray
     ) -> None:
         exponents, right, left = basis
-        self.rows, self.columns = rows, columns
+        self.rows, self.columns, self.rounding = rows, columns, 0.0
         one = exponents.imag >= 0.0
         twice = np.where(exponents.imag > 0.0, 2.0, 1.0)[one]
         self.exponents: ComplexArray = exponents[one].astype(complex)
@@ -86,13 +88,16 @@ class MeanModes:
             left = np.linalg.inv(right)
         except np.linalg.LinAlgError:
             return None
-        if not np.finfo(float).eps * _condition(right, left) < _ROUNDING * tol:
+        rounding = float(np.finfo(float).eps) * _condition(right, left)
+        if not rounding < _ROUNDING * tol:
             return None
         # of a Jordan block eigenvectors may be so small in one state that its scale hides what they lack
         defect = np.abs((right * exponents) @ left - state_matrix)
         if not (defect <= 1e-8 * ((np.abs(right) * np.abs(exponents)) @ np.abs(left))).all():
             return None
-        return MeanModes(plant, (exponents.astype(complex), right.astype(complex), left), rows, columns)
+        modes = MeanModes(plant, (exponents.astype(complex), right.astype(complex), left), rows, columns)
+        modes.rounding = rounding
+        return modes
 
 
 def _condition(right: ComplexArray, left: ComplexArray) -> float:

@@ -137,7 +137,7 @@ class FloquetEvaluator:
         while True:
             change = distance(before.multipliers, now.multipliers)
             ratio = (coarse / fine) ** (0.5 * nodes if variation.entries is None else 0.5)
-            error = change * ratio / (1.0 - ratio)
+            error = change * ratio / (1.0 - ratio) + (0.0 if modes is None else modes.rounding)
             if variation.entries is not None:
                 error = error + deviation**2 if now.resolved else np.inf
             if error <= tol or fine == limit:
