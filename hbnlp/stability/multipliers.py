@@ -1,7 +1,8 @@
 """Floquet multipliers of the full state (q, q', x) about a harmonic-balance solution.
 
 The linearised equations are integrated over the period (over one r-th of it, where their coefficients repeat r times)
-by Gauss collocation for all initial states at once; the mesh is refined until the multipliers of two meshes agree.
+by Gauss collocation for all initial states at once, that of what varies alone where it touches few states and the rest
+is fast (`exponential.py`); the mesh is refined until the multipliers of two meshes agree.
 Where coefficients switch, or turn sharply, it is graded towards these phases first.
 """
 
@@ -20,6 +21,7 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.collocation import Gauss, StepMaps
+from hbnlp.stability.exponential import ExponentialMaps, MeanModes
 from hbnlp.stability.grading import Entries, graded
 from hbnlp.stability.result import Floquet, FloquetResult
 from hbnlp.stability.spectra import distance, ordered, product, spectrum
@@ -29,6 +31,8 @@ from hbnlp.systems.system import System
 
 FEWEST_GRADED = 48
 """Intervals of a period that a graded mesh begins with: a feature between their samples would not be seen."""
+WORTH_MODES = 16
+"""Intervals that collocation is expected to need beyond which the mean is diagonalised, and its part made exact."""
 _RESOLVED = 0.1  # two meshes whose multipliers differ by more are both too coarse to learn from
 
 
@@ -105,10 +109,14 @@ class FloquetEvaluator:
             return self._exact(self._mean_state_matrix(plant, variation), period)
         repeats, nodes, tol = variation.repeats, self.options.nodes, self.options.tol
         limit = max(self.options.max_intervals // repeats, 2)
+        guess = self._estimated_intervals(plant, variation, period)
+        modes = self._mean_modes(plant, variation) if guess > WORTH_MODES * repeats else None
+        if modes is not None:
+            guess = self._phase_intervals(modes.fastest(period), period)
         if near is not None and near.next_intervals:
             wanted = near.next_intervals * period / near.period
         else:
-            wanted = self.options.intervals or self._estimated_intervals(plant, variation, period)
+            wanted = self.options.intervals or guess
         least = FEWEST_GRADED if variation.entries is not None else 4 * variation.bandwidth / (repeats * nodes)
         fine = min(max(ceil(wanted / repeats), ceil(least), 4), limit)
         coarse = 2 * fine // 3
@@ -118,14 +126,19 @@ class FloquetEvaluator:
             if variation.entries is not None:
                 return self._on_graded(plant, variation.entries, period, intervals, deviation)
             assert variation.at is not None
-            step_maps = StepMaps(plant, self._gauss, period / repeats / intervals)
+            step = period / repeats / intervals
+            step_maps = (
+                StepMaps(plant, self._gauss, step)
+                if modes is None
+                else ExponentialMaps(modes, self._mean(variation), self._gauss, step)
+            )
             return self._on_mesh(step_maps, variation.at, intervals, repeats)
 
         before, now = on(coarse), on(fine)
         while True:
             change = distance(before.multipliers, now.multipliers)
             ratio = (coarse / fine) ** (0.5 * nodes if variation.entries is None else 0.5)
-            error = change * ratio / (1.0 - ratio)
+            error = change * ratio / (1.0 - ratio) + (0.0 if modes is None else modes.rounding)
             if variation.entries is not None:
                 error = error + deviation**2 if now.resolved else np.inf
             if error <= tol or fine == limit:
@@ -166,18 +179,34 @@ class FloquetEvaluator:
             raise ValueError(f"the parameter values are {p}; finite ones of {', '.join(names)}, omega > 0, are needed")
         return x, p, float(2.0 * np.pi * self.periods / p[parameters.index("omega")])
 
+    def _mean(self, variation: Variation) -> tuple[Array, Array | None]:
+        by_q, by_v = self._linearised.matrices(variation.mean[None])
+        return by_q[0], None if by_v is None else by_v[0]
+
+    def _mean_modes(self, plant: Plant, variation: Variation) -> MeanModes | None:
+        """Return the modes of the mean, None where collocation of the whole equations is used."""
+        if variation.varying is None:
+            return None
+        by_q, by_v = self._linearised.matrices(variation.varying[None].astype(float))
+        varying = by_q[0] if by_v is None else np.hstack([by_q[0], by_v[0]])
+        return MeanModes.of(plant, self._mean_state_matrix(plant, variation), varying, self.options.tol)
+
     def _mean_state_matrix(self, plant: Plant, variation: Variation) -> Array:
         by_q, by_v = self._linearised.matrices(variation.mean[None])
         return plant.state_matrix(by_q[0], np.zeros_like(by_q[0]) if by_v is None else by_v[0])
 
     def _estimated_intervals(self, plant: Plant, variation: Variation, period: float) -> float:
-        """Return a mesh for the fastest oscillation of the mean system (measured: phase 0.4 a node for 1e-6)."""
+        """Return a mesh of collocation for the fastest oscillation of the mean system."""
         by_q, _ = self._linearised.matrices(variation.mean[None])
         squares = np.linalg.eigvals(np.linalg.solve(plant.mass, plant.stiffness + by_q[0]))
-        phase = 0.4 * self.options.nodes * (self.options.tol / 1e-6) ** (0.5 / self.options.nodes)
-        return float(min(period * np.sqrt(np.abs(squares).max()) / phase, self.options.max_intervals))
+        return self._phase_intervals(float(np.sqrt(np.abs(squares).max())), period)
 
-    def _on_mesh(self, step_maps: StepMaps, at: NodeValues, intervals: int, repeats: int) -> _OnMesh:
+    def _phase_intervals(self, frequency: float, period: float) -> float:
+        """Return a mesh that resolves a frequency (measured: phase 0.4 a node for 1e-6)."""
+        phase = 0.4 * self.options.nodes * (self.options.tol / 1e-6) ** (0.5 / self.options.nodes)
+        return float(min(period * frequency / phase, self.options.max_intervals))
+
+    def _on_mesh(self, step_maps: StepMaps | ExponentialMaps, at: NodeValues, intervals: int, repeats: int) -> _OnMesh:
         maps, log_determinant = [], 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for first in range(0, intervals, step_maps.batch):

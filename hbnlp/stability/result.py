@@ -53,7 +53,8 @@ class FloquetResult:
         The map of the state (q, q', x) over one period, from theta = 0.
     period : float
     log_determinant : float
-        Logarithm of the modulus of the monodromy matrix's determinant, summed over the step maps (no underflow).
+        Logarithm of the modulus of the monodromy matrix's determinant, summed over the step maps (no underflow). It may
+        be rough where modes decay within a step whose mean is integrated exactly.
     error : float
         Estimate, on the safe side, of the largest error of the multipliers relative to max(1, abs(mu)).
     n_intervals : int

@@ -17,7 +17,7 @@ import numpy as np
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept
 from hbnlp.core.native import PerThread, bound
-from hbnlp.core.types import Array, IntArray
+from hbnlp.core.types import Array, BoolArray, IntArray
 from hbnlp.fourier import basis_derivatives, basis_values, to_real
 from hbnlp.stability.collocation import Gauss
 from hbnlp.stability.grading import Entries
@@ -53,6 +53,8 @@ class Variation(NamedTuple):
         The highest harmonic that is not small: a mesh has to resolve it.
     entries : callable or None
         Where it does not: f's derivatives themselves, (count, n_entries) at phases (count,).
+    varying : (n_entries,) or None
+        Those that are not constant, where there is a series.
     """
 
     mean: Array
@@ -60,6 +62,7 @@ class Variation(NamedTuple):
     at: NodeValues | None
     bandwidth: int = 0
     entries: Entries | None = None
+    varying: BoolArray | None = None
 
 
 class Linearisation:
@@ -137,7 +140,8 @@ class Linearisation:
             return at_nodes
 
         bandwidth = int(np.flatnonzero(sizes > _SMALL * scale).max(initial=0)) + 1
-        return Variation(series[0], repeats, at, bandwidth)
+        varying = np.abs(amplitudes[1:]).max(axis=0) > _ROUNDING * scale
+        return Variation(series[0], repeats, at, bandwidth, varying=varying)
 
     def _on_demand(self, coefficients: Array, values: Array) -> Entries:
         """Return the evaluation at any phases, for a force whose series does not converge."""
