@@ -32,7 +32,9 @@ class Mesh(NamedTuple):
     resolved: bool
 
 
-def graded(entries: Entries, intervals: int, nodes: int, *, tol: float, limit: int) -> Mesh:
+def graded(
+    entries: Entries, intervals: int, nodes: int, *, tol: float, limit: int, weights: Array | float = 1.0
+) -> Mesh:
     """Return the mesh whose intervals halve a uniform mesh's until coefficients are polynomials within each.
 
     Parameters
@@ -47,6 +49,8 @@ def graded(entries: Entries, intervals: int, nodes: int, *, tol: float, limit: i
         Largest deviation from a polynomial through the nodes' values, relative to the largest value.
     limit : int
         Number of intervals at which halving ends.
+    weights : array (n_entries,)
+        Factors with which the entries are compared.
     """
     phases, predict = _in_interval(nodes)
     left, levels = np.arange(intervals) / intervals, np.zeros(intervals, dtype=int)
@@ -57,9 +61,9 @@ def graded(entries: Entries, intervals: int, nodes: int, *, tol: float, limit: i
         length = 0.5**levels / intervals
         at = left[:, None] + length[:, None] * phases
         values = entries(2.0 * np.pi * at.ravel()).reshape(*at.shape, -1)
-        scale = max(scale, float(np.abs(values).max()))
+        scale = max(scale, float(np.abs(values * weights).max()))
         found, between = values[:, :nodes], values[:, nodes:]
-        defect = np.abs(predict @ found - between).max(axis=(1, 2))
+        defect = np.abs((predict @ found - between) * weights).max(axis=(1, 2))
         split = (defect > tol * scale) & (defect * length > SHORT * scale)
         if count + int(split.sum()) > limit:
             resolved, split = False, np.zeros_like(split)

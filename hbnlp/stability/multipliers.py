@@ -22,7 +22,7 @@ from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.collocation import Gauss, StepMaps
 from hbnlp.stability.exponential import ExponentialMaps, MeanModes
-from hbnlp.stability.grading import Entries, graded
+from hbnlp.stability.grading import graded
 from hbnlp.stability.result import Floquet, FloquetResult
 from hbnlp.stability.spectra import distance, ordered, product, spectrum
 from hbnlp.stability.variation import Linearisation, NodeValues, Variation
@@ -124,7 +124,7 @@ class FloquetEvaluator:
 
         def on(intervals: int) -> _OnMesh:
             if variation.entries is not None:
-                return self._on_graded(plant, variation.entries, period, intervals, deviation)
+                return self._on_graded(plant, variation, period, intervals, deviation)
             assert variation.at is not None
             step = period / repeats / intervals
             step_maps = (
@@ -218,9 +218,13 @@ class FloquetEvaluator:
             multipliers = spectrum(joined) ** repeats
         return _OnMesh(_finite(multipliers), joined, log_determinant, intervals)
 
-    def _on_graded(self, plant: Plant, entries: Entries, period: float, intervals: int, deviation: float) -> _OnMesh:
+    def _on_graded(
+        self, plant: Plant, variation: Variation, period: float, intervals: int, deviation: float
+    ) -> _OnMesh:
         nodes, limit = self.options.nodes, self.options.max_intervals
-        mesh = graded(entries, intervals, nodes, tol=deviation, limit=limit)
+        assert variation.entries is not None
+        assert variation.weights is not None
+        mesh = graded(variation.entries, intervals, nodes, tol=deviation, limit=limit, weights=variation.weights)
         maps = np.empty((len(mesh.levels), self.system.n_state, self.system.n_state))
         for level in np.unique(mesh.levels):
             step_maps = StepMaps(plant, self._gauss, period / intervals / 2.0**level)

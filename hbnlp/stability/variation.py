@@ -53,6 +53,8 @@ class Variation(NamedTuple):
         The highest harmonic that is not small: a mesh has to resolve it.
     entries : callable or None
         Where it does not: f's derivatives themselves, (count, n_entries) at phases (count,).
+    weights : (n_entries,) or None
+        Factors with which these are compared with each other: 1 for f_q, the motion's frequency for f_v.
     varying : (n_entries,) or None
         Those that are not constant, where there is a series.
     """
@@ -62,6 +64,7 @@ class Variation(NamedTuple):
     at: NodeValues | None
     bandwidth: int = 0
     entries: Entries | None = None
+    weights: Array | None = None
     varying: BoolArray | None = None
 
 
@@ -115,19 +118,22 @@ class Linearisation:
         """Return f_q and f_v over the period about a solution (n_dof, 2H+1)."""
         if not self._n_entries:
             return Variation(np.zeros(0), 1, None)
+        # as terms of the same equation: f_v times the frequency is of the units of f_q, and of its size
+        weights = np.ones(self._n_entries)
+        weights[len(self._places[0]) :] = values[self._omega] / self.periods
         count = 6 * self.n_harmonics + 6
         while True:
             theta, sampling, slope, check = _equidistant(count, self.n_harmonics)
             entries = self._sample(theta, sampling, slope, coefficients, values)
             amplitudes = np.fft.rfft(entries[:count], axis=0)[: count // 2] * (2.0 / count)
             amplitudes[0] *= 0.5
-            series, scale = to_real(amplitudes.T).T, np.abs(entries).max()
-            if np.abs(check @ series - entries[count:]).max() <= self._tol * scale:
+            series, scale = to_real(amplitudes.T).T, np.abs(entries * weights).max()
+            if np.abs((check @ series - entries[count:]) * weights).max() <= self._tol * scale:
                 break
             if count > _MOST_SAMPLES:
-                return Variation(series[0], 1, None, entries=self._on_demand(coefficients, values))
+                return Variation(series[0], 1, None, entries=self._on_demand(coefficients, values), weights=weights)
             count *= 2
-        sizes = np.abs(amplitudes[1:]).max(axis=1)
+        sizes = np.abs(amplitudes[1:] * weights).max(axis=1)
         present = np.flatnonzero(sizes > _ROUNDING * scale) + 1
         if not len(present):
             return Variation(series[0], 1, None)
@@ -140,7 +146,7 @@ class Linearisation:
             return at_nodes
 
         bandwidth = int(np.flatnonzero(sizes > _SMALL * scale).max(initial=0)) + 1
-        varying = np.abs(amplitudes[1:]).max(axis=0) > _ROUNDING * scale
+        varying = np.abs(amplitudes[1:] * weights).max(axis=0) > _ROUNDING * scale
         return Variation(series[0], repeats, at, bandwidth, varying=varying)
 
     def _on_demand(self, coefficients: Array, values: Array) -> Entries:

@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hbnlp
+from hbnlp.fourier import basis_derivatives
 from hbnlp.stability.grading import graded
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
@@ -85,3 +86,29 @@ def test_coefficients_that_cannot_be_resolved_are_not_called_so():
     mesh = graded(lambda theta: rng.standard_normal((theta.size, 1)), 9, 8, tol=1e-3, limit=500)
     assert not mesh.resolved
     assert len(mesh.levels) <= 500
+
+
+def test_damping_that_varies_counts_in_every_unit_of_time():
+    """As numbers f_v is small beside f_q in fast units, and its series was cut off as if it were so in the equation."""
+    width, friction = 0.05, 0.05
+    results = []
+    for second in (1.0, 1e7, 1e-7):
+        system = hbnlp.System(
+            [[1.0]],
+            [[0.05 / second]],
+            [[1.0 / second**2]],
+            nonlinear_force=lambda q, v, tau, p, s=second: [
+                (0.3 * q[0] ** 3 + friction * ca.tanh(s * v[0] / width)) / s**2
+            ],
+            forcing=lambda tau, p, s=second: [0.5 / s**2 * ca.cos(tau)],
+        )
+        solution = hbnlp.solve(hbnlp.HarmonicBalance(system, 25), at={"omega": 0.8 / second})
+        results.append(hbnlp.floquet(solution))
+    tau = 2.0 * np.pi * np.arange(20_000) / 20_000
+    velocity = 0.8 * solution.coefficients[0] @ basis_derivatives(tau, 25).T
+    damping = 0.05 + friction / width / np.cosh(velocity / width) ** 2
+    liouville = np.exp(-damping.mean() * 2.0 * np.pi / 0.8)
+    for result in results:
+        assert result.n_intervals == results[0].n_intervals
+        np.testing.assert_allclose(result.multipliers, results[0].multipliers, atol=1e-9)
+        assert result.multipliers.prod() == pytest.approx(liouville, abs=result.error)
