@@ -35,8 +35,8 @@ does not: beside a branch point one of a point that is 1e-8 away has a parameter
 SINGULAR = "the Jacobian is singular or not finite"
 SURELY = 1e-3
 """Below this part of the tolerance the first of these steps is not made either; otherwise it is there for nothing."""
-NOISE = 100.0
-"""Steps that no longer shrink are round-off up to so many times the tolerance: the point is as good as it can be."""
+NOISE = 1e-8
+"""Steps that no longer shrink are round-off if they are this small: the point is as good as it can be."""
 FEW = 3
 """Steps with the factors of a point itself that are allowed: one takes the error away, one measures what remains."""
 
@@ -49,7 +49,7 @@ class Newton:
     ----------
     tol : float
         Bound on the error that remains, relative to the size of the solution: measured by a step with the Jacobian at
-        the solution itself. Beside singular points round-off may leave more, up to a hundred times as much.
+        the solution itself. Beside singular points round-off may leave more, up to 1e-8.
     max_iterations : int
         Steps before it is given up, but for the last ones, with the Jacobian at the solution.
     """
@@ -104,7 +104,8 @@ def correct(curve: Curve, guess: Array, row: Array, options: Newton) -> Correcti
     return settle(curve, found, guess, row, options, factors)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # steps that grow without bound may overflow: that is said as a reason
+# steps that grow without bound may overflow, or two in succession be equal: that is said as a reason
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def approach(
     curve: Curve,
     guess: Array,
@@ -164,6 +165,7 @@ def approach(
     )
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def settle(
     curve: Curve,
     found: Correction,
@@ -193,7 +195,7 @@ def settle(
         before, error = error, _length(step / scale)
         moved = iteration > found.iterations + 1
         # beside a singular point round-off moves the solution by more than the tolerance: there steps cease to shrink
-        is_noise = moved and 0.1 * before < error <= NOISE * options.tol
+        is_noise = moved and 0.1 * before < error <= NOISE
         if error <= (options.tol if moved else SURELY * options.tol) or is_noise:
             terms = max(curve.term_size(y), curve.term_size(guess), TINY)
             settled = dataclasses.replace(found, y=y, iterations=iteration, error=error)

@@ -13,12 +13,6 @@ from hbnlp.solutions.equations import Equations
 from hbnlp.solutions.solution import Solution
 
 NEWTON = Newton()
-AT_VALUE = 1e-12
-"""A point whose parameter is this near to the value, relatively, will do where round-off lets no nearer converge."""
-
-AGAIN, NEARLY = 4, 1e-7
-"""Where the Jacobian is nearly singular, round-off decides whether an error is told below the tolerance: a point that
-came this near is corrected again, so often."""
 
 
 def solution_between(curve: Equations, before: Array, after: Array, value: float) -> Solution:
@@ -48,10 +42,6 @@ def solution_between(curve: Equations, before: Array, after: Array, value: float
         if share not in points:
             near = min(points, key=lambda known: abs(known - share))
             found = correct(curve, points[near] + (share - near) * chord, row, NEWTON)
-            for _ in range(AGAIN):
-                if found.converged or not np.isfinite(found.error) or found.error > NEARLY:
-                    break
-                found = correct(curve, found.y, row, NEWTON)  # in the same plane, which no step leaves
             if not found.converged:
                 raise ConvergenceError(
                     f"the branch could not be followed between its points at {curve.name} = {before[-1]:.8g} and "
@@ -61,13 +51,8 @@ def solution_between(curve: Equations, before: Array, after: Array, value: float
             points[share] = found.y
         return float(points[share][-1] - value)
 
-    try:
-        share = float(brentq(beyond, 0.0, 1.0, xtol=1e-14, rtol=8.9e-16))
-        beyond(share)
-    except ConvergenceError:
-        share = min(points, key=lambda known: abs(points[known][-1] - value))
-        if abs(points[share][-1] - value) > AT_VALUE * abs(value):
-            raise
+    share = float(brentq(beyond, 0.0, 1.0, xtol=1e-14, rtol=8.9e-16))
+    beyond(share)
     y = points[share].copy()
     y[-1] = value
     return curve.solution(y, start="branch", residual=relative_residual(curve, y))

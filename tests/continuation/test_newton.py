@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import hbnlp
+from hbnlp.continuation.newton import correct
 
 SYSTEMS = {
     "duffing": (hbnlp.systems.duffing(), (0.5, 1.6)),
@@ -52,3 +53,34 @@ def test_a_solution_is_as_near_as_the_tolerance(omega, tol):
     found = hbnlp.solve(problem, at={"omega": omega}, method=hbnlp.Newton(tol=tol))
     error = np.linalg.norm(found.coefficients - exact.coefficients) / np.linalg.norm(exact.coefficients)
     assert error <= tol + 1e-14
+
+
+class Noisy:
+    """x = p, with a residual that is known to a part of it only."""
+
+    size = 1
+
+    def __init__(self, noise):
+        self.noise = noise
+
+    def residual(self, y):
+        return np.array([y[0] - y[1] + self.noise * np.sin(1e12 * y[0])])
+
+    def jacobian(self, _y, out):
+        out[0] = 1.0, -1.0
+
+    def scale(self, y):
+        return np.full(2, np.abs(y).max())
+
+    def term_size(self, y):
+        return float(np.abs(y).max())
+
+
+@pytest.mark.parametrize(("noise", "converged"), [(0.0, True), (2e-9, True), (1e-5, False)])
+@pytest.mark.parametrize("start", [0.3, 0.69, 1.1])
+def test_steps_that_no_longer_shrink_are_round_off_if_they_are_small(noise, converged, start):
+    """A fold curve of the wing ended where round-off left 1e-9."""
+    found = correct(Noisy(noise), np.array([start, 0.7]), np.array([0.0, 1.0]), hbnlp.Newton(tol=1e-12))
+    assert found.converged is converged
+    if converged:
+        assert abs(found.y[0] - 0.7) <= max(1e-12, 2.0 * noise)

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 import hbnlp
-from hbnlp.continuation.newton import correct
-from hbnlp.solutions import crossing
 from hbnlp.systems import chain, duffing
 
 
@@ -100,33 +98,3 @@ def test_a_system_without_mass_is_refused():
     system = hbnlp.System([[0.0]], [[1.0]], [[1.0]], forcing=lambda tau, p: [ca.cos(tau)])
     with pytest.raises(ValueError, match=r"mass matrix is singular \(row 0 is zero\)"):
         hbnlp.solve(hbnlp.HarmonicBalance(system, 1), at={"omega": 1.0})
-
-
-def test_round_off_in_the_error_of_a_point_is_no_reason_to_give_up(branch, monkeypatch):
-    # on a wing's branch beside a branch point the error was 5e-10 or 7e-11, as round-off had it
-    exact, corrections = branch.at(0.9)[0], []
-
-    def correct_every_other_time(*arguments):
-        result = correct(*arguments)
-        corrections.append(result)
-        return dataclasses.replace(result, converged=len(corrections) % 2 == 0, reason="round-off")
-
-    monkeypatch.setattr(crossing, "correct", correct_every_other_time)
-    np.testing.assert_allclose(branch.at(0.9)[0].coefficients, exact.coefficients, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize(("calls", "found"), [(2, False), (4, True)])
-def test_what_is_near_enough_is_taken_where_no_nearer_point_converges(branch, monkeypatch, calls, found):
-    exact, corrections = branch.at(0.55)[0], []
-
-    def correct_a_few_times(*arguments):
-        result = correct(*arguments)
-        corrections.append(result)
-        return result if len(corrections) <= calls else dataclasses.replace(result, converged=False, reason="round-off")
-
-    monkeypatch.setattr(crossing, "correct", correct_a_few_times)
-    if found:
-        np.testing.assert_allclose(branch.at(0.55)[0].coefficients, exact.coefficients, rtol=1e-9, atol=1e-12)
-    else:
-        with pytest.raises(hbnlp.ConvergenceError, match=r"could not be followed between its points .*round-off"):
-            branch.at(0.55)
