@@ -24,7 +24,6 @@ from hbnlp.core.interrupts import guarded, interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
-from hbnlp.core.types import Array
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
@@ -32,13 +31,6 @@ from hbnlp.systems.linear_stability import check_linear_stability
 
 DEFAULT_STABILITY = Floquet()
 AWAY_FROM = "(start, name, span), the start in the problem's place: one from switch_branch leads away from its origin"
-
-ROUGH = 1e-4
-"""Twice the samples of a smooth force do not move the residual by more than this part of its terms, over one step."""
-STEEP = (
-    "nonlinear_force turns round within fewer samples than there are on this motion: round it over a larger width, or "
-    "pass n_samples"
-)
 
 _ENDS = {
     Stop.CLOSED: End.CLOSED,
@@ -180,18 +172,10 @@ class Tracer(StaysHere):
         if self._walk.stop in (Stop.STEP_TOO_SMALL, Stop.JUMP):
             last = self._walk.point
             # the step that failed may have been the one onto the corner
-            reasons = [self._rough(y) for y in (last.y, last.y + self.options.step * last.tangent)]
-            self._corner = next((f"{self._walk.stop.value}; perhaps because {each}" for each in reasons if each), "")
-
-    def _rough(self, y: Array) -> str:
-        """Return what is not smooth in the force on a motion; nothing where it is."""
-        curve = self._walk.curve
-        problem, x, values = curve.problem, curve.unknowns.coefficients(y), curve.values(y)
-        corner = problem.corner(x, values)
-        if corner is not None:
-            return str(corner)
-        steep = problem.sampling.may_double and problem.aliasing(x, values) > ROUGH
-        return STEEP if steep else ""
+            curve = self._walk.curve
+            motions = [last.y, last.y + self.options.step * last.tangent]
+            corners = [curve.problem.corner(curve.unknowns.coefficients(y), curve.values(y)) for y in motions]
+            self._corner = next((f"{self._walk.stop.value}; perhaps because {each}" for each in corners if each), "")
 
     def _kept(self, point: Point, special_points: tuple[SpecialPoint, ...]) -> Traced:
         curve = self._walk.curve

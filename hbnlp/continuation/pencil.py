@@ -9,6 +9,8 @@ is what is farthest from it: Arnoldi's method finds that first (Saad 2011, secti
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from hbnlp.continuation.curve import Bordered
@@ -35,8 +37,7 @@ def singular_places(begin: Bordered, end: Bordered, scale: Array) -> list[float]
     size = scale.size
     basis = np.zeros((MOST + 1, size))
     hessenberg = np.zeros((MOST + 1, MOST))
-    start = np.random.default_rng(0).standard_normal(size)
-    basis[0] = start / np.linalg.norm(start)
+    basis[0] = _start(size)
     for k in range(min(MOST, size)):
         vector = end.solve(begin.product(scale * basis[k])) / scale - basis[k]
         for _ in range(2):  # the second time for what round-off left of the first
@@ -55,3 +56,10 @@ def singular_places(begin: Bordered, end: Bordered, scale: Array) -> list[float]
     real = np.abs(values.imag) <= 1e-8 * np.abs(values)
     ratios = -(1.0 + values.real[real & ~unknown])
     return sorted(float(ratio / (1.0 + ratio)) for ratio in ratios if ratio > 0.0)
+
+
+@lru_cache(maxsize=16)
+def _start(size: int) -> Array:
+    """Return a unit vector that has a part of every direction."""
+    start = np.random.default_rng(0).standard_normal(size)
+    return np.asarray(start / np.linalg.norm(start))

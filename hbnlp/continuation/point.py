@@ -92,14 +92,14 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
     correction = settle(curve, rough, guess, row, options, factors, tangent)
     if not correction.converged:
         return None
-    y = correction.y
+    y, factorisations = correction.y, correction.factorisations + 1
     scale = curve.scale(y)
     if np.linalg.norm((y - rough.y) / scale) > MISSED * closeness(options):
         # farther off than it seemed, as beside a singular point: these factors do not give the tangent of the point
         factors = Bordered.at(curve, y, base.tangent / base.scale**2)
         if factors.singular:
             return None
-        tangent = factors.solve(unit)
+        tangent, factorisations = factors.solve(unit), factorisations + 1
     length = float(np.linalg.norm(tangent / scale))
     sign, log_determinant = factors.determinant()
     # det [J; t^T/s^2] from det [J; border]: both rows see the null vector t of J, t.t/s^2 = 1 and border . t = 1 /
@@ -112,6 +112,6 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
         log_determinant=log_determinant + float(np.log(length)),
         residual=correction.residual,
         iterations=rough.iterations,
-        factorisations=correction.factorisations + 1,
+        factorisations=factorisations,
         factors=factors,
     )
