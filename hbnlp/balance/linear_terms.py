@@ -14,7 +14,6 @@ import numpy as np
 from hbnlp.balance.laws import CompiledLaws, Laws, LawsAt
 from hbnlp.balance.pattern import Pattern
 from hbnlp.balance.sampling import Sampling
-from hbnlp.core.kept import built_once
 from hbnlp.core.native import PerThread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
@@ -177,30 +176,29 @@ class Operators:
 
 
 class LinearPoint:
-    """The linear terms at one parameter point; nothing of it changes, what is kept is computed when first asked for."""
+    """The linear terms at one parameter point, of which nothing changes.
+
+    Attributes
+    ----------
+    s : array (H,), complex
+        The derivative by time of the harmonics h >= 1.
+    transfer : array (H, n, n + n_u), complex
+        ``s^2 T(s)`` of these; empty where there are no lag states.
+    excitation : array (n, L)
+        Coefficients of forcing and prescribed motion, through their lag states, too.
+    """
 
     def __init__(self, operators: Operators, of_laws: LawsAt, omega: float) -> None:
         self._operators = operators
         self.of_laws, self.law = of_laws, of_laws.laws
         self.omega, self.rate = omega, omega / operators.periods
+        self.s = np.asarray(omega * operators.orders)
+        # at once, not when asked for: each thread has its own points, and none is to wait for what another one builds
+        self.transfer = np.zeros((0, *self.law.mass.shape), dtype=complex)
+        if operators.lags.n_lags:
+            self.transfer = _summed((self.s**2)[:, None] * operators.lags.weights(self.s), of_laws.residues)
+        self.excitation = self._load_with_motion() if self.law.motion.size else self.law.forcing
 
-    @property
-    def s(self) -> ComplexArray:
-        """The derivative by time of the harmonics h >= 1, (H,)."""
-        return np.asarray(self.omega * self._operators.orders)
-
-    @built_once
-    def transfer(self) -> ComplexArray:
-        """s^2 T(s) of the harmonics h >= 1, (H, n, n + n_u)."""
-        s = self.s
-        return _summed((s**2)[:, None] * self._operators.lags.weights(s), self.of_laws.residues)
-
-    @property
-    def excitation(self) -> Array:
-        """Coefficients (n, L) of forcing and prescribed motion, through their lag states, too."""
-        return self._load_with_motion if self.law.motion.size else self.law.forcing
-
-    @built_once
     def _load_with_motion(self) -> Array:
         law, by = self.law, self._operators
         load = law.forcing + by.motion_load(law, law.motion, self.rate)
