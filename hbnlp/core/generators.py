@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hbnlp.core.checks import refused
+from hbnlp.core.layout import mapping, text
 
 _KINDS = {
     each.__name__: each
@@ -26,17 +27,23 @@ def at_state(state: Mapping[str, Any], rng: np.random.Generator | None = None) -
     Raises
     ------
     ValueError
-        If the one that is given is of another kind, or if there is none and no state of a generator of NumPy.
+        If the one that is given is of another kind, or if there is none and the state is not of one of NumPy's.
     """
-    kind = state.get("bit_generator")
-    if rng is None and kind not in _KINDS:
-        raise ValueError(f"{kind!r} is no generator of NumPy")
-    if rng is None:
-        rng = np.random.Generator(_KINDS[str(kind)]())
-    elif rng.bit_generator.state["bit_generator"] != kind:
-        raise refused(ValueError, "rng", rng, f"one of the kind of the search that goes on, {kind}, or none")
+    kind = state["bit_generator"]
+    if rng is None and kind in _KINDS:
+        rng = np.random.Generator(_KINDS[kind]())
+    elif rng is None or rng.bit_generator.state["bit_generator"] != kind:
+        raise refused(ValueError, "rng", rng, f"a Generator of the kind that was drawn from before, {kind}")
     rng.bit_generator.state = dict(state)
     return rng
+
+
+def read_state(value: Any) -> dict[str, Any]:
+    """Return a state as `state_of` does, of what a file holds."""
+    state = mapping(value)
+    if text(state.get("bit_generator")) in _KINDS:
+        at_state(state)
+    return state
 
 
 def _plain(value: Any) -> Any:

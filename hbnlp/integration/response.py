@@ -137,6 +137,11 @@ class TimeResponse:
             n_state = 2 * content["q"].shape[1] + content["x"].shape[1]
             if content["state"].size != n_state:
                 raise ValueError(f"its state has {content['state'].size} entries, its displacements need {n_state}")
+            if content["defects"].size * content["periods"] != content["n_periods"]:
+                raise ValueError(
+                    f"it has {content['defects'].size} defects, each over {content['periods']} of "
+                    f"{content['n_periods']} periods"
+                )
             return cls(**content)
 
     def _whole(self, signals: Array) -> Array:

@@ -14,7 +14,8 @@ from hbnlp.solutions.attempt import attempt
 from hbnlp.solutions.cold_start import linear_guess
 from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.identity import same_motion
-from hbnlp.solutions.search import Search, _Motions, find_all
+from hbnlp.solutions.motions import Motions
+from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing, tuned_absorber
 from hbnlp.systems.system import System
@@ -135,7 +136,7 @@ def test_a_start_that_takes_too_many_samples_does_not_end_the_search():
     reached = attempt(problem, values, far, Newton(), start="far")
     assert not reached.converged
     assert "samples a period would be needed for the force" in reached.statistics["reason"]
-    motions = _Motions(problem, values, Search())
+    motions = Motions(problem, values, Newton(), 1e-5)
     motions.polish(far, "far")
     assert motions.found == []
 
