@@ -26,7 +26,7 @@ from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.motions import Motions
 from hbnlp.solutions.solution import Solution, guess_for
-from hbnlp.solutions.solution_set import SearchState, SolutionSet
+from hbnlp.solutions.solution_set import SearchState, SolutionSet, set_with_problem
 from hbnlp.solutions.solving import solve
 
 
@@ -164,7 +164,7 @@ class _Run:
         self._scale: float | None = None
         if isinstance(known, SolutionSet) and _is_of(known, problem, values):
             self._rng = at_state(known.state.generator, rng)
-            self._go_on(known.of(problem))
+            self._go_on(set_with_problem(known, problem))
         else:
             self._rng = rng or np.random.default_rng(0)
         self._generator = state_of(self._rng)

@@ -156,12 +156,7 @@ class SolutionSet(Sequence[Solution]):
         )
         with loaded(path, _LAYOUT) as content:
             found = cls(**_unpacked(content))
-        return found if problem is None else found.of(problem)
-
-    def of(self, problem: HarmonicBalance) -> SolutionSet:
-        """Return the same set with its problem, or raise a ValueError if a solution is none of it."""
-        solutions = tuple(with_problem(solution, problem, what="solution set") for solution in self.solutions)
-        return replace(self, solutions=solutions, problem=problem)
+        return found if problem is None else set_with_problem(found, problem)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value:.10g}" for name, value in self.parameters.items())
@@ -172,6 +167,12 @@ class SolutionSet(Sequence[Solution]):
             f"SolutionSet of {self.system_name!r}: {counted(len(self), 'solution')}\n  at {values}\n{amplitudes}"
             f"  {self.message}"
         )
+
+
+def set_with_problem(found: SolutionSet, problem: HarmonicBalance) -> SolutionSet:
+    """Return a set with its problem, if that is of all its solutions: see `check_belongs`."""
+    solutions = tuple(with_problem(solution, problem, what="solution set") for solution in found.solutions)
+    return replace(found, solutions=solutions, problem=problem)
 
 
 _LAYOUT = Layout(
