@@ -300,6 +300,7 @@ def examples():
         "Solution.signal": {"self": w.solution, "output": "x", "t": 0.0},
         "Solution.velocity": {"self": w.solution, "t": 0.0},
         "SolutionSet.load": {"path": "no such file", "problem": None},
+        "SolutionSet.plot": {"self": w.found, "output": "x", "ax": None},
         "SolutionSet.save": {"self": w.found, "path": "no such folder/file"},
         "Symmetry": {"matrix": [[-1.0]], "shift": np.pi, "name": "odd"},
         "Symmetry.identity": {"n_dof": 1},
@@ -468,6 +469,7 @@ def examples():
         "plot.plot_resolved": {
             "resolved": w.resolved, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
         },
+        "plot.plot_solutions": {"found": w.found, "output": "x", "ax": None},
         "plot.plot_sweep": {
             "sweep": w.sweep, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False, "label": None,
         },

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, final, overload
+from typing import TYPE_CHECKING, Any, final, overload
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from hbnlp.core.layout import (
 )
 from hbnlp.core.records import loaded, save_record
 from hbnlp.solutions.solution import Solution, with_problem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SHOWN = 6
 """Solutions of which `repr` tells an amplitude."""
@@ -105,6 +108,12 @@ class SolutionSet(Sequence[Solution]):
     def __getitem__(self, index: slice) -> tuple[Solution, ...]: ...
     def __getitem__(self, index: int | slice) -> Solution | tuple[Solution, ...]:
         return self.solutions[index]
+
+    def plot(self, output: str, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw an output of all solutions over their period; see `hbnlp.plot.plot_solutions`."""
+        from hbnlp.plot import plot_solutions
+
+        return plot_solutions(self, output, ax=ax, **options)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the set to one ``.npz`` file without pickle, whole or not at all.
