@@ -123,6 +123,8 @@ def find_all(
         For a problem, method, generator or callbacks of another kind.
     NonFiniteError
         If the force or its derivative is not finite at rest, and nothing is found.
+    TaskError
+        If a callback fails; its ``result`` is the set so far.
 
     References
     ----------
@@ -163,8 +165,8 @@ class _Run:
         self._tried, self._searched, self._place = 0, 0, 0
         self._scale: float | None = None
         if isinstance(known, SolutionSet) and _is_of(known, problem, values):
-            self._rng = at_state(known.state.generator, rng)
             self._go_on(set_with_problem(known, problem))
+            self._rng = at_state(known.state.generator, rng)
         else:
             self._rng = rng or np.random.default_rng(0)
         self._generator = state_of(self._rng)

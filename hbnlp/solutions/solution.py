@@ -146,7 +146,7 @@ class Solution:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the solution to one ``.npz`` file without pickle, whole or not at all.
 
-        Its origin is written with it, but for what that came from itself.
+        Its origin is written with it, without an origin that this may have.
 
         Raises
         ------
@@ -172,7 +172,8 @@ class Solution:
         ----------
         path : path-like
         problem : HarmonicBalance, optional
-            The problem that it is of. Without one the solution can be read, and be a start.
+            The problem that it is of, whose balance it solves (the harmonics of an integration may do so to 1e-4
+            only, which is refused). Without one the solution can be read, and be a start.
 
         Raises
         ------

@@ -6,12 +6,17 @@ import pytest
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
+from hbnlp.branches.extrema import peaks
+from hbnlp.branches.following import follow
+from hbnlp.branches.resolution import resolve_harmonics
 from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.errors import SaveError
+from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution
 from hbnlp.solutions.solving import solve
+from hbnlp.sweeps.sweeping import sweep
 from hbnlp.systems import chain, duffing
 from hbnlp.systems.system import System
 
@@ -108,6 +113,27 @@ def test_a_solution_is_the_same_after_saving_and_loading(solution, tmp_path):
     assert again.is_odd
     with pytest.raises(SaveError, match="could not write"):
         solution.save(tmp_path / "missing" / "solution.npz")
+
+
+def test_whatever_gives_a_solution_gives_one_that_can_be_kept(tmp_path):
+    problem = HarmonicBalance(duffing(), 3)
+    branch = trace(problem, "omega", (0.9, 1.4), stability=None)
+    solutions = [
+        branch.solution(5),
+        branch.at(1.2)[0],
+        branch.folds[0].solution,
+        peaks(branch, "x")[0].solution,
+        follow(branch.folds[0], "force", span=(0.17, 0.19)).solution(0),
+        resolve_harmonics(branch, 0.1).solution(3),
+        sweep(problem, "omega", [0.7, 0.8]).solution(1),
+        find_all(problem, at={"omega": 0.8}, method=Search(n_starts=0))[0],
+    ]
+    for place, each in enumerate(solutions):
+        each.save(tmp_path / f"{place}.npz")
+        assert equal(Solution.load(tmp_path / f"{place}.npz", problem=each.problem), each)
+    integrated = sweep(duffing(), "omega", [0.7]).solution(0)
+    integrated.save(tmp_path / "integrated.npz")
+    assert equal(Solution.load(tmp_path / "integrated.npz"), integrated)
 
 
 def test_a_solution_that_did_not_converge_is_kept_with_its_reason(tmp_path):

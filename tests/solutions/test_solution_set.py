@@ -1,5 +1,7 @@
 """What a search leaves behind: a sequence of solutions, one file, and a search that goes on as if it had not ended."""
 
+import dataclasses
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -137,6 +139,9 @@ def test_every_generator_of_numpy_goes_on_where_it_was(tmp_path, kind):
 def test_a_generator_of_another_kind_is_refused(whole):
     with pytest.raises(ValueError, match=r"rng is .*MT19937.*; give a Generator of the kind .*, PCG64"):
         find_all(problem(), known=whole, rng=np.random.Generator(np.random.MT19937(0)))
+    state = dataclasses.replace(whole.state, generator={"bit_generator": "Mine"})
+    with pytest.raises(ValueError, match=r"rng is None; give a Generator of the kind .*, Mine"):
+        find_all(problem(), known=dataclasses.replace(whole, state=state))
 
 
 def test_more_starts_go_on_with_a_whole_search(whole):
