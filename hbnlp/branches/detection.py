@@ -23,7 +23,7 @@ from hbnlp.solutions.identity import broken_in
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import FloquetResult
 
-KEPT = 12
+KEPT = 24
 """Points whose multipliers are kept: those of a step and of the looks into it."""
 SHORTEST = 1e-6
 """Shorter steps are not looked into."""
@@ -79,7 +79,9 @@ class Detector:
                 seen[place] = point
             return self._floquet(curve, seen[place], evaluator).multipliers
 
-        place = _hidden(self._earlier, here, there, look, evaluator.options.tol)
+        place = _dip(self._earlier, here, there, look)
+        if place is None and all(self._floquet(curve, point, evaluator).converged for point in (before, after)):
+            place = hidden_crossing(self._earlier, here, there, look, evaluator.options.tol)
         if place is None or place not in seen:
             return None
         return float(before.tangent / before.scale**2 @ (seen[place].y - before.y))
@@ -163,18 +165,13 @@ class Detector:
         )
 
 
-def _hidden(
-    earlier: Spectrum | None,
-    here: Spectrum,
-    there: Spectrum,
-    look: Callable[[float], ComplexArray | None],
-    margin: float,
+def _dip(
+    earlier: Spectrum | None, here: Spectrum, there: Spectrum, look: Callable[[float], ComplexArray | None]
 ) -> float | None:
-    """Return a place in a step at which there is something that its two ends do not tell; None if there is not."""
-    past = samples_at(earlier.multipliers, earlier.place) if earlier is not None else (None, None)
-    for k, (one, other) in enumerate(
-        zip(*(samples_at(each.multipliers, each.place) for each in (here, there)), strict=True)
-    ):
+    """Return a place in a step at which a test function has another sign than at both ends; None if there is none."""
+    begin, end = (samples_at(each.multipliers, each.place) for each in (here, there))
+    before = samples_at(earlier.multipliers, earlier.place) if earlier is not None else (None,) * len(begin)
+    for k, (past, one, other) in enumerate(zip(before, begin, end, strict=True)):
         if one is None or other is None or one.sign != other.sign:
             continue
 
@@ -182,10 +179,10 @@ def _hidden(
             multipliers = look(place)
             return samples_at(multipliers, place)[k] if multipliers is not None else None
 
-        place = crossing_in(past[k], one, other, sample)
+        place = crossing_in(past, one, other, sample)
         if place is not None:
             return place
-    return hidden_crossing(earlier, here, there, look, margin)
+    return None
 
 
 def _kernel(curve: Equations, y: Array) -> tuple[float, float]:

@@ -41,11 +41,13 @@ def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
 def samples_at(multipliers: ComplexArray, place: float) -> tuple[Sample | None, ...]:
     """Return functions of the multipliers that change sign at bifurcations, as samples at a place along the branch.
 
-    They are the determinants of 1 - Phi (folds and branch points) and of 1 + Phi (doublings), of the multipliers that
-    matter; None where one is zero but for rounding.
+    They are the determinants of 1 - Phi (folds and branch points), of 1 + Phi (doublings) and the product of 1 - mu_i
+    mu_j over all pairs (Neimark-Sackers), of the multipliers that matter; None where one is zero but for rounding.
     """
     known = multipliers[np.abs(multipliers) > MATTERS]
-    return tuple(_sample(each, place) for each in (1.0 - known, 1.0 + known))
+    i, j = np.triu_indices(known.size, 1)
+    factors = (1.0 - known, 1.0 + known, 1.0 - known[i] * known[j])
+    return tuple(_sample(each, place) for each in factors)
 
 
 def _sample(factors: ComplexArray, place: float) -> Sample | None:
@@ -99,10 +101,11 @@ def _counted(a: FloquetResult, b: FloquetResult) -> _Counted:
     change = abs(counts[0] - counts[1])
     doubling, through_one = ((_beyond(before, at, margin) - _beyond(after, at, margin)) % 2 for at in (-1.0, 1.0))
     pairs = max((change - doubling - through_one) // 2, 0)
-    signs = [_sign_over_pairs(each) for each in (before, after)]
-    changed = signs[0] * signs[1] < 0.0
-    hidden = int(bool(doubling or through_one) and all(signs) and changed != pairs % 2)
-    return _Counted(min(counts), change, doubling, pairs, hidden)
+    one, other = (samples_at(each, 0.0)[-1] for each in (before, after))
+    hidden = False
+    if (doubling or through_one) and change and one is not None and other is not None:
+        hidden = (one.sign != other.sign) != pairs % 2
+    return _Counted(min(counts), change, doubling, pairs, int(hidden))
 
 
 def _beyond(multipliers: ComplexArray, bound: float, margin: float) -> int:
@@ -113,14 +116,6 @@ def _beyond(multipliers: ComplexArray, bound: float, margin: float) -> int:
 
 def _is_real(multipliers: ComplexArray) -> BoolArray:
     return np.asarray(np.abs(multipliers.imag) <= 1e-12 * np.abs(multipliers))
-
-
-def _sign_over_pairs(multipliers: ComplexArray) -> float:
-    """Return the sign of the product of 1 - mu_i mu_j over all pairs; zero where rounding decides it."""
-    known = multipliers[np.abs(multipliers) > MATTERS]
-    i, j = np.triu_indices(known.size, 1)
-    sample = _sample(1.0 - known[i] * known[j], 0.0)
-    return sample.sign if sample is not None else 0.0
 
 
 def _doubling_test(at: Multipliers) -> Callable[[Point], float]:

@@ -23,11 +23,13 @@ APART = 2.6
 """Two whose angles differ by more than this at one of the points do not meet: the difference has no sign near pi."""
 FAR = 0.3
 """A forecast that comes no nearer to the unit circle than this part of the nearer end is not looked at."""
-ERROR = 0.05
-"""How far the parabola through the squares of differences may be off between two points, relative to the largest."""
+ERROR = 0.03
+"""How far the parabola through the squares of differences may be off between two points, relative to their change."""
 MIDWAY = 3.0 / 64.0
 """Product of the distances to three places at equal distances, midway between two of them and relative to the outer."""
-MOST_LOOKS = 6
+MOST_LOOKS = 4
+CLOSE = 1e-5
+"""Looks are no nearer to one another than this part of the step."""
 INSIDE = np.linspace(0.0, 1.0, 52)[1:-1]
 """Places within a step, as parts of it, at which the forecast is made."""
 
@@ -65,6 +67,7 @@ def hidden_crossing(
         if expected is None:
             return None
         place = expected.place
+    closest = CLOSE * (later.place - here.place)
     for _ in range(MOST_LOOKS):
         seen = look(place)
         if seen is None or not fewest <= unstable(seen, margin) <= most:
@@ -72,7 +75,7 @@ def hidden_crossing(
         known = sorted([*known, Spectrum(place, seen)], key=lambda each: each.place)
         nearby = [_forecast(three, three[0].place, margin) for three in zip(known, known[1:], known[2:], strict=False)]
         expected = max((each for each in nearby if each is not None), default=None)
-        if expected is None or expected.place in [each.place for each in known]:
+        if expected is None or min(abs(expected.place - each.place) for each in known) < closest:
             return None
         place = expected.place
     return None
@@ -101,14 +104,16 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
         return None
     i, j = np.triu_indices(followed.shape[1])
     ratio = np.log(followed[:, i] / followed[:, j])
+    once = (followed[1, i] + followed[1, j]).imag >= 0.0  # conjugates tell the same
+    together = once & (np.abs(ratio.imag).max(axis=0) < APART)
+    i, j, ratio = i[together], j[together], ratio[:, together]
     logarithms = np.log(np.abs(followed))
     mean, square = 0.5 * (logarithms[:, i] + logarithms[:, j]), (0.5 * ratio) ** 2
-    apart = np.abs(ratio.imag).max(axis=0) > APART
+    error = ERROR * np.abs(square - np.roll(square, 1, axis=0)).max(axis=0)
     places = np.array([spectrum.place for spectrum in spectra])
     inside = begin + INSIDE * (places[2] - begin)
     basis = _lagrange(places, inside)
     off = np.abs(np.prod(inside[:, None] - places, axis=1)) / (places[2] - places[0]) ** 3 / MIDWAY
-    error = ERROR * np.abs(square).max(axis=0)
     widest = np.sqrt(basis @ square + error * off[:, None]).real
     known = np.abs(np.sqrt(square).real)
     ends = [0 if begin == places[0] else 1, 2]
@@ -119,23 +124,24 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
         nearer = np.abs(at_ends).min(axis=0)
         beyond = -side * (basis @ mean + sign * widest)  # positive beyond the circle, as seen from the ends
         worth = np.minimum(beyond + FAR * nearer, beyond + nearer - 4.0 * margin).max(axis=0)
-        worth[apart | (at_ends[0] * at_ends[1] <= 0.0)] = -np.inf
+        worth[at_ends[0] * at_ends[1] <= 0.0] = -np.inf
         k = int(worth.argmax())
         if worth[k] > (best.worth if best is not None else 0.0):
 
-            def distance(place: float, k: int = k, sign: float = sign, side: float = side[k]) -> float:
-                row = _lagrange(places, np.array([place]))[0]
-                return side * float(row @ mean[:, k] + sign * np.sqrt(row @ square[:, k] + error[k]).real)
+            def distance(at: Array, k: int = k, sign: float = sign, side: float = side[k]) -> Array:
+                rows = _lagrange(places, at)
+                likely = np.sqrt(rows @ square[:, k] + error[k]).real
+                return np.asarray(side * (rows @ mean[:, k] + sign * likely))
 
             best = _Expected(float(worth[k]), _lowest(distance, inside))
     return best
 
 
-def _lowest(function: Callable[[float], float], places: Array) -> float:
-    """Return where a function is lowest: by its values at places in order, then between the neighbours of the lowest."""
-    k = int(np.argmin([function(place) for place in places]))
+def _lowest(function: Callable[[Array], Array], places: Array) -> float:
+    """Return where a function is lowest: by its values at places in order, then between those beside the lowest."""
+    k = int(np.argmin(function(places)))
     bounds = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
-    return float(minimize_scalar(function, bounds=bounds, method="bounded").x)
+    return float(minimize_scalar(lambda place: function(np.array([place]))[0], bounds=bounds, method="bounded").x)
 
 
 def _followed(spectra: tuple[Spectrum, Spectrum, Spectrum]) -> ComplexArray | None:
