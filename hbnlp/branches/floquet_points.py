@@ -25,11 +25,11 @@ def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
 
     Folds and branch points (a multiplier through +1) are seen by the continuation itself and are not named here. The
     number of real multipliers beyond -1 changes parity at a period doubling; pairs of unstable multipliers that neither
-    +1 nor -1 accounts for are Neimark-Sacker bifurcations. One more may hide behind a multiplier through +1 or -1: then
-    the product of 1 - mu_i mu_j over all pairs has changed its sign once more than these say. Two real multipliers
-    whose product passes one change it as well, and only what is critical between the points tells them apart. What is
-    beyond the unit circle by less than the tolerance of the multipliers is not beyond it: without damping all of them
-    are on it.
+    +1 nor -1 accounts for are Neimark-Sacker bifurcations. One may hide behind a multiplier through +1 or -1, as where
+    a pair comes in, becomes real, and one of it goes out: the product of 1 - mu_i mu_j over all pairs changes its sign
+    then. It does so as well where two real multipliers have the product one, so that what is critical there has to be
+    looked at. What is beyond the unit circle by less than the tolerance of the multipliers is not beyond it: without
+    damping all of them are on it.
     """
     if not (a.converged and b.converged):
         return ()
@@ -67,24 +67,26 @@ def bifurcation_function(
     if kind is Kind.PERIOD_DOUBLING:
         return _doubling_test(at)
     counted = _counted(at(before), at(after))
-    # one that goes the way of the pairs through +1 or -1 is the first, the last, or between two of them
-    beside = counted.change % 2 and not counted.hidden
-    return _modulus_test(at, counted.fewest + 2 * which + beside)
+    if counted.hidden:
+        return _product_test(at, before, after)
+    # one that passes +1 or -1 as well does so first, last, or between two pairs
+    return _modulus_test(at, counted.fewest + 2 * which + counted.change % 2)
 
 
 def critical_multiplier(kind: Kind, multipliers: ComplexArray) -> complex | None:
-    """Return the multiplier nearest to -1, or that of a pair on the unit circle; None if what is there is no pair."""
+    """Return the multiplier nearest to -1, or of the two whose product is nearest to one; None if these are real."""
     if kind is Kind.PERIOD_DOUBLING:
         return complex(multipliers[np.argmin(np.abs(multipliers + 1.0))])
-    nearest = np.argmin(np.abs(np.abs(multipliers) - 1.0))
-    value = complex(multipliers[nearest])
-    return None if _is_real(multipliers)[nearest] else complex(value.real, abs(value.imag))
+    i, j = np.triu_indices(multipliers.size, 1)
+    nearest = np.argmin(np.abs(1.0 - multipliers[i] * multipliers[j]))
+    value = multipliers[i[nearest]]
+    return None if _is_real(value) else complex(value.real, abs(value.imag))
 
 
 class _Counted(NamedTuple):
-    """What the multipliers at two points differ in: how many are unstable at least, and at one of them more.
+    """What the multipliers at two points say: how many are unstable at both at least, and at one of them more.
 
-    ``doubling``: an odd number went through -1; ``pairs``: crossed the unit circle at least; ``hidden``: one more did.
+    ``doubling``: an odd number went through -1; ``pairs``: so many crossed the unit circle; ``hidden``: one may have.
     """
 
     fewest: int
@@ -102,9 +104,8 @@ def _counted(a: FloquetResult, b: FloquetResult) -> _Counted:
     doubling, through_one = ((_beyond(before, at, margin) - _beyond(after, at, margin)) % 2 for at in (-1.0, 1.0))
     pairs = max((change - doubling - through_one) // 2, 0)
     one, other = (samples_at(each, 0.0)[-1] for each in (before, after))
-    hidden = False
-    if (doubling or through_one) and change and one is not None and other is not None:
-        hidden = (one.sign != other.sign) != pairs % 2
+    changes = one is not None and other is not None and one.sign != other.sign
+    hidden = bool(doubling or through_one) and pairs == 0 and changes
     return _Counted(min(counts), change, doubling, pairs, int(hidden))
 
 
@@ -131,5 +132,17 @@ def _modulus_test(at: Multipliers, place: int) -> Callable[[Point], float]:
     def test(point: Point) -> float:
         """How far a modulus is from one, by its place from the largest: continuous where multipliers meet as well."""
         return float(np.sort(np.abs(at(point).multipliers))[::-1][place] - 1.0)
+
+    return test
+
+
+def _product_test(at: Multipliers, before: Point, after: Point) -> Callable[[Point], float]:
+    ends = [samples_at(at(point).multipliers, 0.0)[-1] for point in (before, after)]
+    reference = max(sample.logarithm for sample in ends if sample is not None)
+
+    def test(point: Point) -> float:
+        """Product of 1 - mu_i mu_j over all pairs, relative to that at the ends."""
+        sample = samples_at(at(point).multipliers, 0.0)[-1]
+        return sample.sign * float(np.exp(sample.logarithm - reference)) if sample is not None else 0.0
 
     return test
