@@ -30,7 +30,7 @@ MIDWAY = 3.0 / 64.0
 MOST_LOOKS = 4
 CLOSE = 1e-5
 """Looks are no nearer to one another than this part of the step."""
-INSIDE = np.linspace(0.0, 1.0, 52)[1:-1]
+INSIDE = np.linspace(0.0, 1.0, 26)[1:-1]
 """Places within a step, as parts of it, at which the forecast is made."""
 
 
