@@ -100,12 +100,14 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
     ``begin``, the place of the first or second of the spectra, to the last of them.
     """
     followed = _followed(spectra)
-    if followed is None or followed.shape[1] == 0:
+    if followed is None:
         return None
     i, j = np.triu_indices(followed.shape[1])
     ratio = np.log(followed[:, i] / followed[:, j])
-    once = (followed[1, i] + followed[1, j]).imag >= 0.0  # conjugates tell the same
+    once = (followed[1, i] + followed[1, j]).imag > -MATTERS  # conjugates tell the same
     together = once & (np.abs(ratio.imag).max(axis=0) < APART)
+    if not together.any():
+        return None
     i, j, ratio = i[together], j[together], ratio[:, together]
     logarithms = np.log(np.abs(followed))
     mean, square = 0.5 * (logarithms[:, i] + logarithms[:, j]), (0.5 * ratio) ** 2
