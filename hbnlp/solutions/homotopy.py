@@ -5,9 +5,9 @@ The balance R(x) = 0 is blended into that of the same mass on springs and damper
     share R(x) + (1 - share) B x = 0,      B x:  w^2 M (q + dq/dtau),      w = omega / periods
 
 At share 0 there is the one solution x = 0, and B is regular. A system whose damping takes more power than its force
-gives, as soon as motions are large, has bounded motions at every share: so the curve from x = 0 can neither run away nor
-come back, and leads to share 1 [1]_. Wells, parametric excitation and resonances do not matter. Where the load alone
-grows from zero, rest is one solution of several: that curve may close before the load has its size.
+gives, as soon as motions are large, has bounded motions at every share: so the curve from x = 0 can neither run away
+nor come back, and leads to share 1 [1]_. Wells, parametric excitation and resonances do not matter. Where the load
+alone grows from zero, rest is one solution of several: that curve may close before the load has its size.
 
 References
 ----------
@@ -65,7 +65,8 @@ class Homotopy:
         self._reference = np.kron(rate**2 * mass, np.eye(by_tau.shape[0]) + by_tau)
         at_rest = self._assembly.residual(np.zeros(self.size), values)
         sizes = [float(np.linalg.norm(x)) for x in (linear, np.linalg.solve(self._reference, at_rest))]
-        self.largest, self._floor = max(sizes) or 1.0, 1e-3 * min(filter(None, sizes), default=1.0)
+        self.largest = max(sizes) or 1.0
+        self._floor = max(1e-3 * min(sizes), 1e-9 * self.largest)  # at a resonance one of them is round-off
 
     def residual(self, y: Array) -> Array:
         """Return the blended balance, (size,)."""
