@@ -175,7 +175,9 @@ class Walk(Generic[C]):
         if again is None or np.linalg.norm((again.y - self._origin.y) / before.scale) > SAME:
             return None
         length = float(np.linalg.norm((again.y - before.y) / before.scale))
-        return dataclasses.replace(again, arclength=before.arclength + length)
+        # the step went on past the first point: what it crossed there is in the first step as well
+        crossed = after.branch_point if again.orientation != before.orientation else None
+        return dataclasses.replace(again, arclength=before.arclength + length, branch_point=crossed)
 
     def _on_arc(self, before: Point, after: Point) -> bool:
         """Return whether the first point lies on the cubic through a step."""

@@ -122,3 +122,17 @@ def test_a_crossing_is_found_where_squares_of_the_solutions_overflow():
 def test_what_is_not_finite_gives_no_branch_point_and_no_warning(unit):
     arc, determinants = arc_and_determinants(Pitchfork(), 0.8, 1.1)
     assert branch_point_on(InUnits(unit), arc, determinants, tol=1e-12, max_iterations=10) is None
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("beside", [0, 1])
+def test_a_loop_has_both_its_branch_points_though_one_lies_in_the_step_that_closes_it(beside, direction):
+    """The broken symmetry of a Duffing oscillator: begun just past one of the two, the loop closes across it."""
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(damping_ratio=0.05, cubic=1.0, force=2.0), n_harmonics=9)
+    symmetric = hbnlp.trace(problem, "omega", (0.6, 1.2), stability=None)
+    assert [point.value for point in symmetric.branch_points] == pytest.approx([0.806144, 0.924215], abs=1e-6)
+    start = hbnlp.switch_branch(symmetric.branch_points[beside])[0]
+    loop = hbnlp.trace(problem, "omega", (0.6, 1.2), start=start, direction=direction, stability=None)
+    assert loop.end is hbnlp.End.CLOSED
+    assert sorted(point.value for point in loop.branch_points) == pytest.approx([0.806144, 0.924215], abs=1e-6)
+    assert loop.folds == ()
