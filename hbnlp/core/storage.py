@@ -108,9 +108,7 @@ def load_arrays(
     file_name("path", path)
     source = Path(path)
     with refused_as_unreadable(source, kind):
-        irregular = kind_of_irregular(source.stat().st_mode)
-        if irregular is not None:
-            raise ValueError(f"that is {irregular}")
+        refuse_irregular(source)
         with source.open("rb") as handle, zipfile.ZipFile(handle) as archive:
             arrays = _read(archive, source.stat().st_size)
         if plain and _METADATA not in arrays:
@@ -130,6 +128,13 @@ def load_arrays(
     if listed != sorted(arrays):
         raise LoadError(f"{str(source)!r} holds the arrays {sorted(arrays)}, but should hold {listed}; it is damaged")
     return arrays, metadata
+
+
+def refuse_irregular(source: Path) -> None:
+    """Raise a ValueError if a name is that of a folder, a device or a pipe, of which reading might never end."""
+    irregular = kind_of_irregular(source.stat().st_mode)
+    if irregular is not None:
+        raise ValueError(f"that is {irregular}")
 
 
 @contextmanager
