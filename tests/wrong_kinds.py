@@ -104,7 +104,7 @@ RESULTS = {
 
 INNER = {
     *("Adaptive.propagator", "RungeKutta4.propagator", "Rootfinder.solver", "HarmonicBalance.samples_suffice"),
-    *("HarmonicBalance.aliasing", "HarmonicBalance.corner"),
+    *("HarmonicBalance.aliasing", "HarmonicBalance.check_doubling", "HarmonicBalance.corner"),
     *("System.state_matrices", "Solution.with_coefficients", "Solution.image", "Tracer.branch"),
     *("HarmonicBalance.output_harmonics", "aero.Provenance.warn_outside_band", "dns.History.of", "dns.Snapshot.of"),
     *("dns.Grid.cell", "dns.Grid.check_inside", "dns.Grid.nodes", "dns.Simulation.restore"),

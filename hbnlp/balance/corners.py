@@ -15,7 +15,7 @@ import numpy as np
 
 from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array
-from hbnlp.fourier import basis_derivatives, basis_values
+from hbnlp.fourier import basis_values, differentiated
 from hbnlp.systems.chunks import in_chunks, of_columns
 from hbnlp.systems.quadrature import find_breaks
 from hbnlp.systems.switches import switches
@@ -46,6 +46,8 @@ class Corner(NamedTuple):
         Over which it can be rounded and sampled, in units of the quantity.
     by_phase : bool
         Whether the quantity is one of tau and parameters alone.
+    settled : bool
+        Whether the number of samples is the user's word.
     """
 
     entry: int
@@ -54,6 +56,7 @@ class Corner(NamedTuple):
     jump: float
     width: float
     by_phase: bool
+    settled: bool
 
     def __str__(self) -> str:
         kind = f"a step of {self.jump:.3g}" if self.jump else "a corner"
@@ -63,6 +66,8 @@ class Corner(NamedTuple):
             if self.by_phase
             else ""
         )
+        if not self.settled:
+            instead += "; or pass n_samples, and see what twice as many change"
         return (
             f"nonlinear_force[{self.entry}] has {kind} on this motion at tau = {phases}, where d = {self.quantity} is "
             f"zero: round it over a width in units of d, {self.width:g} or more here, writing "
@@ -74,8 +79,8 @@ class Corner(NamedTuple):
 class Corners:
     """What finds the corners of a system's force along motions of so many forcing periods."""
 
-    def __init__(self, system: System, periods: int) -> None:
-        self._system, self._periods = system, periods
+    def __init__(self, system: System, periods: int, *, settled: bool) -> None:
+        self._system, self._periods, self._settled = system, periods, settled
         self._omega = system.parameters.index("omega")
 
     def worst(self, coefficients: Array, values: Array) -> Corner | None:
@@ -113,6 +118,7 @@ class Corners:
             jump=float(steps[entry, k]),
             width=self._width(coefficients, values, of[k]),
             by_phase=not ca.depends_on(self._switches[of[k]], ca.vertcat(self._system.q, self._system.v)),
+            settled=self._settled,
         )
 
     def _width(self, coefficients: Array, values: Array, quantity: int) -> float:
@@ -125,15 +131,9 @@ class Corners:
 
     def _at(self, function: ca.Function, coefficients: Array, values: Array, theta: Array) -> Array:
         """Return what a function of (q, v, tau, p, q', v') gives at phases of the motion's own period."""
-        n_harmonics, rate = coefficients.shape[1] // 2, values[self._omega] / self._periods
-        q, slope, bend = (
-            coefficients @ basis.T
-            for basis in (
-                basis_values(theta, n_harmonics),
-                basis_derivatives(theta, n_harmonics),
-                basis_derivatives(theta, n_harmonics, 2),
-            )
-        )
+        basis, rate = basis_values(theta, coefficients.shape[1] // 2), values[self._omega] / self._periods
+        by_phase = differentiated(coefficients)
+        q, slope, bend = (each @ basis.T for each in (coefficients, by_phase, differentiated(by_phase)))
         return in_chunks(function, q, rate * slope, self._periods * theta[None, :], values, slope, rate * bend)
 
     def _name(self, quantity: int) -> str:

@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.errors import ConvergenceError, CornerError
+from hbnlp.solutions.cold_start import PATIENCE
 from hbnlp.solutions.solving import solve
 from hbnlp.systems.system import System
 
@@ -98,6 +99,30 @@ def test_a_corner_is_the_reason_why_no_number_of_samples_is_enough():
         problem = problem.oversampled()
     with pytest.raises(CornerError, match=message):
         problem.samples_suffice(known.coefficients.ravel(), problem.values({"omega": 0.7}))
+
+
+EVERYWHERE = {
+    "a gap": AT_THE_GAP["fmax"],
+    "a stiff gap": lambda q, v, tau, p: [100.0 * ca.fmax(q[0] - p.gap, 0.0)],
+    "a modulus": lambda q, v, tau, p: [0.5 * ca.fabs(q[0])],
+    "friction": lambda q, v, tau, p: [p.mu * ca.sign(v[0])],
+    "a preload": lambda q, v, tau, p: [2.0 * ca.sign(q[0]) + q[0]],
+    "steps": lambda q, v, tau, p: [0.2 * ca.floor(30.0 * q[0])],
+}
+
+
+@pytest.mark.parametrize("force", EVERYWHERE.values(), ids=EVERYWHERE)
+def test_a_cold_start_at_a_corner_ends_before_samples_are_doubled(force):
+    problem = HarmonicBalance(oscillator(force), 5)
+    with pytest.raises(ConvergenceError, match=r"nonlinear_force\[0\] has a (corner|step)") as error:
+        solve(problem, at={"omega": 1.3})
+    assert error.value.result.problem.n_samples == problem.n_samples
+    assert error.value.result.statistics["iterations"] <= PATIENCE
+
+
+def test_a_corner_that_the_samples_can_bear_is_no_reason_to_end():
+    solution = solve(HarmonicBalance(oscillator(lambda q, v, tau, p: [1e-3 * ca.fabs(q[0])]), 5), at={"omega": 1.3})
+    assert solution.problem.n_samples > 41
 
 
 def test_a_failure_beside_a_step_says_so():
