@@ -37,7 +37,7 @@ from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmet
 from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.symmetry import Symmetry
-from hbnlp.systems.terms import check_functions, check_lags, check_motion
+from hbnlp.systems.terms import check_functions, check_inputs, check_lags, check_motion
 
 
 class System:
@@ -158,6 +158,7 @@ class System:
         n = m_q.shape[0]
         d_q, k_q = matrix("damping", damping, p, named, (n, n)), matrix("stiffness", stiffness, p, named, (n, n))
 
+        check_inputs(motion, inputs)
         u = ca.SX(0, 1) if motion is None else column("motion", called("motion", motion, tau=tau, p=named))
         n_u = u.shape[0]
         k_u = matrix("input_stiffness", input_stiffness, p, named, (n, n_u))
