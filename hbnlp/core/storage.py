@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import textwrap
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -192,12 +193,20 @@ def _check_size(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
 
 
 def as_text(metadata: Mapping[str, Any]) -> str:
-    """Return metadata as the JSON that is written."""
-    return json.dumps(metadata, default=_number)
+    """Return metadata as the JSON that is written, or raise the TypeError that names the entry that cannot be."""
+    try:
+        return json.dumps(metadata, default=_number)
+    except (TypeError, ValueError, RecursionError) as error:  # the latter two of what holds itself
+        for name, value in metadata.items():
+            try:
+                json.dumps(value, default=_number)
+            except (TypeError, ValueError, RecursionError):
+                raise TypeError(f"{name} is not what JSON can write: {error}; give numbers, texts and lists") from error
+        raise
 
 
 def _number(value: Any) -> Any:
     """Return a number of NumPy as one that JSON can write."""
     if isinstance(value, np.generic):
         return value.item()
-    raise TypeError(f"{value!r} is nothing that JSON can write")
+    raise TypeError(f"{textwrap.shorten(repr(value), 80)} is neither number, text, list nor mapping")

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from hbnlp.core.checks import finite_array, position, refused, text
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept, built_once, by_one_thread
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
 from hbnlp.systems.calling import called
 from hbnlp.systems.compiled_force import CompiledForce
@@ -116,6 +117,7 @@ class System:
       outputs: x
     """
 
+    @renamed_arguments()
     @by_one_thread
     def __init__(
         self,
@@ -156,6 +158,8 @@ class System:
 
         m_q = matrix("mass", mass, p, named)
         n = m_q.shape[0]
+        if n == 0:
+            raise refused(ValueError, "mass", mass, "a matrix of one degree of freedom at least")
         d_q, k_q = matrix("damping", damping, p, named, (n, n)), matrix("stiffness", stiffness, p, named, (n, n))
 
         check_inputs(motion, inputs)

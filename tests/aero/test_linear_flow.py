@@ -273,7 +273,8 @@ def test_a_command_with_bad_values_ends_with_the_reason_alone(tmp_path, caplog, 
     ("call", "message"),
     [
         (lambda: MeshSettings(edge=1.0), "out of order"),
-        (lambda: MeshSettings(wake=0.0), "positive"),
+        (lambda: MeshSettings(wake=0.0), "wake is 0.0; give a finite number greater than 0"),
+        (lambda: slit_mesh(TINY, incidence=9.0), "incidence is 9.0; give .* in radians"),
         (lambda: Case(reynolds=0.0), "greater than 0"),
         (lambda: Case(incidence=5.0), "in radians"),
         (lambda: Case(n_modes=-1), "n_modes is -1"),
@@ -294,6 +295,23 @@ def test_a_command_with_bad_values_ends_with_the_reason_alone(tmp_path, caplog, 
 )
 def test_bad_input_is_refused(call, message):
     with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: MeshSettings(plate="a"), "plate is 'a'"),
+        (lambda: Case(mesh=3), "mesh is 3; give MeshSettings"),
+        (lambda: half_mesh(3), "settings is 3; give MeshSettings"),
+        (lambda: steady_flow(3, reynolds=100.0), "mesh is 3; give the mesh of half_mesh"),
+        (lambda: LinearResponse(3, n_modes=1), "flow is 3; give the BaseFlow"),
+        (lambda: run_campaign("g.npz", case=3, omega=[1.0]), "case is 3; give a Case"),
+        (lambda: run_campaign("g.npz", case=Case(), omega=[1.0], progress=3), "progress is 3; give a function"),
+    ],
+)
+def test_wrong_kinds_are_refused(call, message):
+    with pytest.raises(TypeError, match=message):
         call()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.linear_flow.base_flow import steady_flow
 from hbnlp.aero.linear_flow.direct import solver_name
-from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
+from hbnlp.aero.linear_flow.mesh import MeshSettings, check_incidence, half_mesh, slit_mesh
 from hbnlp.aero.linear_flow.parts import Parts
 from hbnlp.aero.linear_flow.response import LinearResponse
 from hbnlp.core.checks import finite_array, instance_of, real_number, whole_number
@@ -73,10 +73,10 @@ class Case:
 
     def __post_init__(self) -> None:
         real_number("reynolds", self.reynolds, above=0.0)
-        if not abs(real_number("incidence", self.incidence)) < np.pi / 2.0:
-            raise ValueError(f"incidence is {self.incidence:g} rad; give less than a quarter turn, in radians")
+        check_incidence(self.incidence)
         whole_number("n_modes", self.n_modes, least=0)
         whole_number("order", self.order, least=2)
+        instance_of("mesh", self.mesh, MeshSettings, "MeshSettings(plate=..., ...)")
 
     def response(self) -> LinearResponse:
         """Mesh, solve the steady flow, linearise.
@@ -152,6 +152,7 @@ def run_campaign(
         If NGSolve is not installed.
     """
     archive_name("path", path)
+    instance_of("progress", progress, Callable, "a function of the frequencies to come, such as tqdm")
     instance_of("case", case, Case, "a Case(reynolds=..., incidence=..., ...)")
     frequencies = np.unique(finite_array("omega", omega, (None,)))
     if frequencies.size == 0 or not frequencies[0] > 0.0:
