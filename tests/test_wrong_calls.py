@@ -163,7 +163,7 @@ def test_measured_amplitudes_are_not_negative_nor_nothing(problem, branch, measu
     fit = identification.Identification(
         design.Variables({"force": (0.1, 0.3)}), problem, [(found.parameters, found)], "x"
     )
-    with pytest.raises(ValueError, match="measured is .*; give amplitudes, which are not negative"):
+    with pytest.raises(ValueError, match=r"measured is .*; give amplitudes, which are not negative"):
         fit.fit(measured, {"force": 0.2})
 
 
@@ -176,5 +176,5 @@ def test_what_json_cannot_write_is_named_and_nothing_is_written(tmp_path):
 
 def test_a_path_with_the_character_0_is_refused(branch, tmp_path):
     for verb in (branch.save, hbnlp.Branch.load):
-        with pytest.raises(ValueError, match="path is .*without the character 0"):
+        with pytest.raises(ValueError, match=r"path is .*without the character 0"):
             verb(f"{tmp_path}/a\0b")

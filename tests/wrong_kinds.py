@@ -413,7 +413,7 @@ def examples():
         "dns.Motion": {"pitch": dns.Motion().pitch, "heave": dns.Motion().heave},
         "dns.Motion.at_incidence": {"degrees": 2.0},
         "dns.Motion.sinusoidal": {"omega": 1.0, "pitch": 0.1, "heave": 0.1, "mean_pitch": 0.0, "axis": 0.0},
-        "dns.MovingPoints": {"motion": lambda _: np.zeros((2, 2, 2)), "reach": ((0.0, 1.0), (0.0, 1.0)), "closed": False},
+        "dns.MovingPoints": {"motion": lambda _: np.zeros((2, 2, 2)), "reach": ((0.0, 1.0),) * 2, "closed": False},
         "dns.Points": {"positions": np.array([[0.0, 0.0], [0.1, 0.0]]), "closed": False},
         "dns.SharpPlate": {"deflection": None, "n_modes": 2},
         "dns.SharpPlate.oscillating": {"omega": 1.0, "amplitudes": np.zeros(2)},
