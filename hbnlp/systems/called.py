@@ -11,7 +11,8 @@ from hbnlp.systems.switches import dependencies, nodes
 
 _ADVICE = {
     "LinearInterpolant": "a ca.interpolant that is 'linear' and so has one at its points: make it a 'bspline'",
-    "BSplineInterpolant": "a ca.interpolant whose degree leaves one at its points: take degree 3, the default",
+    "BSplineInterpolant": "a ca.interpolant that the motion leaves, or of a low degree: widen its grid, or take "
+    "degree 3, the default",
 }
 
 
@@ -41,3 +42,15 @@ def calls(expression: ca.SX) -> list[Call]:
     """Return the calls in an expression, each once."""
     found = [node for node in nodes(expression) if node.op() == ca.OP_CALL]
     return [Call(node.which_function(), ca.vertcat(*dependencies(node))) for node in found]
+
+
+def check_derivatives(what: str, expression: ca.SX) -> None:
+    """Raise a ValueError if an expression calls a function of which there is no derivative."""
+    for call in calls(expression):
+        try:
+            call.slopes()
+        except RuntimeError as error:
+            raise ValueError(
+                f"{what} calls {call.function.name()!r}, which has no derivative; give the ca.Callback a "
+                'get_jacobian, or construct it with {"enable_fd": True}'
+            ) from error

@@ -15,6 +15,7 @@ from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
+from hbnlp.systems.called import check_derivatives
 from hbnlp.systems.calling import called
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.definition import Definition
@@ -411,4 +412,5 @@ def _check_signals(
     check_symbols("forcing", forcing, [tau, p])
     check_symbols("motion", motion, [tau, p])
     for what, expression in (("nonlinear_force", force), ("forcing", forcing), ("motion", motion)):
+        check_derivatives(what, expression)
         check_periodicity(what, expression, phased)
