@@ -29,6 +29,7 @@ def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Metho
     correction = iterate(problem, guess, values, method)
     try:
         while correction.converged and not problem.samples_suffice(correction.y, values):
+            problem.check_doubling(correction.y, values)
             problem = problem.oversampled()
             correction = iterate(problem, correction.y, values, method)
     except SamplingError as error:
@@ -43,6 +44,14 @@ def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Metho
         statistics["reason"] = correction.reason
     status = Status.CONVERGED if correction.converged else Status.NOT_CONVERGED
     return make_solution(problem, correction.y, values, status=status, statistics=statistics)
+
+
+def meets_a_corner(failed: Solution) -> bool:
+    """Return whether a motion that an attempt ended at meets a corner of the force, of which no samples are enough."""
+    problem = failed.problem
+    if problem is None or problem.samples_are_settled:
+        return False
+    return problem.corner(failed.coefficients.ravel(), problem.values(failed.parameters)) is not None
 
 
 def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Method) -> Correction:
