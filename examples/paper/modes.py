@@ -41,7 +41,10 @@ lifts, onsets = {}, {}
 for n, each in wings.items():
     problem = hbnlp.HarmonicBalance(each, n_harmonics=5)
     resonant = hbnlp.trace(problem, "omega", (0.5, 18.0), at=pitch, stability=None)
-    middle = hbnlp.solve(problem, at={**pitch, "omega": 5.0})
+    # the motion that leads from rest as the pitch grows; a cold start may find either
+    amplitude = pitch["pitch_amplitude"]
+    grown = hbnlp.trace(problem, "pitch_amplitude", (1e-3 * amplitude, amplitude), at={"omega": 5.0}, stability=None)
+    middle = grown.solution(len(grown) - 1)
     below, quiet = (
         hbnlp.trace(problem, "omega", (4.0, 18.0), start=middle, direction=d, stability=None) for d in (-1, 1)
     )
