@@ -15,7 +15,6 @@ from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept, built_once, by_one_thread
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
-from hbnlp.systems.called import check_derivatives
 from hbnlp.systems.calling import called
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.definition import Definition
@@ -24,10 +23,7 @@ from hbnlp.systems.expressions import (
     Force,
     Matrix,
     Output,
-    Phased,
     Signal,
-    check_periodicity,
-    check_symbols,
     column,
     compiled_outputs,
     displacements,
@@ -37,6 +33,7 @@ from hbnlp.systems.expressions import (
 )
 from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmetries, names_of_displacements
 from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
+from hbnlp.systems.periodicity import check_signals
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.symmetry import Symmetry
 from hbnlp.systems.terms import check_functions, check_inputs, check_lags, check_motion
@@ -185,7 +182,7 @@ class System:
         if forcing is not None:
             value = called("forcing", forcing, tau=tau, p=named)
             load = column("forcing", value, n, each=", one for each degree of freedom")
-        _check_signals(known, force, load, u, (q, v, tau, p))
+        check_signals(known, force, load, u, (q, v, tau, p))
         check_motion(motion, inputs, outputs)
         check_lags(lag_state, lag_input, lag_motion, lag_output)
         rules = dict(outputs) if outputs is not None else displacements(n)
@@ -397,20 +394,3 @@ def _of(definition: Definition) -> System:
     system = object.__new__(System)
     system._set_up(definition)
     return system
-
-
-def _check_signals(
-    parameters: ParameterSet, force: ca.SX, forcing: ca.SX, motion: ca.SX, symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
-) -> None:
-    """Raise a ValueError for a force, forcing or motion of other symbols than its own, or not periodic."""
-    q, v, tau, p = symbols
-    rng, defaults = np.random.default_rng(7), parameters.ordered(parameters.defaults)
-    known = np.isfinite(defaults) & (defaults != 0.0)
-    typical = [*rng.uniform(-1.0, 1.0, (2, q.numel())), np.where(known, defaults, 1.0)]
-    phased = Phased(tau, [q, v, p], typical, parameters.index(OMEGA))
-    check_symbols("nonlinear_force", force, [tau, q, v, p])
-    check_symbols("forcing", forcing, [tau, p])
-    check_symbols("motion", motion, [tau, p])
-    for what, expression in (("nonlinear_force", force), ("forcing", forcing), ("motion", motion)):
-        check_derivatives(what, expression)
-        check_periodicity(what, expression, phased)
