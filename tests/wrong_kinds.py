@@ -96,6 +96,7 @@ RESULTS = {
 
 INNER = {
     *("Adaptive.propagator", "RungeKutta4.propagator", "Rootfinder.solver", "HarmonicBalance.samples_suffice"),
+    "HarmonicBalance.with_enough_samples",
     *("HarmonicBalance.aliasing", "HarmonicBalance.check_doubling", "HarmonicBalance.corner"),
     *("System.state_matrices", "Solution.with_coefficients", "Solution.image", "Tracer.branch"),
     *("HarmonicBalance.output_harmonics", "aero.Provenance.warn_outside_band", "dns.History.of", "dns.Snapshot.of"),

@@ -172,6 +172,13 @@ class HarmonicBalance:
         dense = self._with(self.sampling.dense())
         return self._moved_by(dense, x, values) <= 10.0 * ALIASING_TOL
 
+    def with_enough_samples(self, x: Array, values: Array) -> HarmonicBalance:
+        """Return the same balance with the samples of the force that suffice at a solution; see `samples_suffice`."""
+        problem = self
+        while not problem.samples_suffice(x, values):
+            problem = problem.oversampled()
+        return problem
+
     def check_doubling(self, x: Array, values: Array) -> None:
         """Raise a CornerError if the force has a corner on a motion for which even the most samples are too few.
 

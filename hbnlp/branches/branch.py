@@ -12,7 +12,7 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.special_points import COLUMNS, ROWS, SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
-from hbnlp.core.checks import counted, instance_of, place, real_number
+from hbnlp.core.checks import counted, place, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.layout import (
@@ -29,7 +29,7 @@ from hbnlp.core.layout import (
 )
 from hbnlp.core.records import AlongParameter, loaded, save_record
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
-from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.attaching import check_belongs, check_problem
 from hbnlp.solutions.crossing import solution_between
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.solution import Solution, attached
@@ -240,9 +240,7 @@ class Branch(AlongParameter):
         TypeError
             If ``problem`` is something else.
         """
-        instance_of(
-            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
-        )
+        check_problem(problem)
         with loaded(path, _LAYOUT) as content:
             content["special_points"] = unpacked(content, problem)
             branch = cls(**content, problem=problem)

@@ -11,7 +11,7 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.arclength import Stop
-from hbnlp.core.checks import instance_of, place
+from hbnlp.core.checks import place
 from hbnlp.core.kinds import FoldEvent
 from hbnlp.core.layout import (
     Column,
@@ -27,7 +27,7 @@ from hbnlp.core.layout import (
 )
 from hbnlp.core.records import loaded, save_record, values_of
 from hbnlp.core.types import Array
-from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.attaching import check_belongs, check_problem
 from hbnlp.solutions.solution import Solution, attached, make_solution
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ class FoldBranch:
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> FoldBranch:
         """Return the curve from a file that `save` wrote, with its problem if that is given; see `Branch.load`."""
-        instance_of("problem", problem, HarmonicBalance | None, "the HarmonicBalance of the record, or None")
+        check_problem(problem)
         with loaded(path, _LAYOUT) as content:
             coefficients = content.pop("event_coefficients")
             content["events"] = tuple(

@@ -23,7 +23,7 @@ from hbnlp.core.records import AlongParameter, loaded, save_record
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
-from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.attaching import check_belongs, check_problem
 from hbnlp.solutions.equations import Equations, along_parameter
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.solutions.truncation import Estimate
@@ -113,16 +113,11 @@ class ResolvedBranch(AlongParameter):
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> ResolvedBranch:
         """Return what `save` wrote, with its problem (of any harmonics) if that is given: see `Branch.load`."""
-        instance_of(
-            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
-        )
+        check_problem(problem)
         with loaded(path, _LAYOUT) as content:
             resolved = cls(**content)
         found = np.flatnonzero(np.isfinite(resolved.truncation_error))
         if problem is not None and found.size:
-            instance_of(
-                "problem", problem, HarmonicBalance, "the HarmonicBalance(system, n_harmonics=...) of the record"
-            )
             solution = resolved.solution(int(found[0]))
             check_belongs(problem.with_harmonics(solution.n_harmonics), solution, what="resolved branch")
         return dataclasses.replace(resolved, problem=problem)

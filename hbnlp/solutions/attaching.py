@@ -13,8 +13,14 @@ from hbnlp.core.checks import instance_of
 if TYPE_CHECKING:
     from hbnlp.solutions.solution import Solution
 
+EXPECTED = "the HarmonicBalance(system, n_harmonics=...) of the record"
 LARGEST_RESIDUAL = 1e-6
 """A solution whose residual is a larger part of its terms is none of the problem."""
+
+
+def check_problem(problem: HarmonicBalance | None) -> None:
+    """Raise a TypeError unless what is given to `load` with a record is a problem, or None."""
+    instance_of("problem", problem, HarmonicBalance | None, EXPECTED)
 
 
 def check_belongs(problem: HarmonicBalance, solution: Solution, *, what: str, where: str = "") -> HarmonicBalance:
@@ -36,7 +42,7 @@ def check_belongs(problem: HarmonicBalance, solution: Solution, *, what: str, wh
         If parameters, outputs, degrees of freedom, harmonics or periods are others, or if the solution's residual in
         the problem is too large.
     """
-    instance_of("problem", problem, HarmonicBalance, "the HarmonicBalance(system, n_harmonics=...) of the record")
+    instance_of("problem", problem, HarmonicBalance, EXPECTED)
     shape, periods = solution.coefficients.shape, solution.periods
     if shape != problem.shape or periods != problem.periods:
         raise ValueError(
@@ -51,8 +57,7 @@ def check_belongs(problem: HarmonicBalance, solution: Solution, *, what: str, wh
         if its and sorted(its) != sorted(wanted):
             raise ValueError(f"the {what} has {name} {its}, the system {wanted}: give a problem of the same system")
     x, values = solution.coefficients.ravel(), problem.values(solution.parameters)
-    while not problem.samples_suffice(x, values):
-        problem = problem.oversampled()
+    problem = problem.with_enough_samples(x, values)
     balance, terms = problem.assembly.residual(x, values), problem.assembly.term_size(x, values)
     residual = float(np.abs(balance).max(initial=0.0)) / max(terms, TINY)
     if not residual <= LARGEST_RESIDUAL:

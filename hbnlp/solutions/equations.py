@@ -151,10 +151,7 @@ class Equations:
 
 def settled(curve: Equations, y: Array) -> Equations:
     """Return the same equations with as many samples of the force as suffice at a point."""
-    finer = curve.resampled(y)
-    while finer is not None:
-        curve, finer = finer, finer.resampled(y)
-    return curve
+    return curve.on(curve.problem.with_enough_samples(curve.unknowns.coefficients(y), curve.values(y)))
 
 
 def along_parameter(

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import finite_array, instance_of, position, refused
+from hbnlp.core.checks import finite_array, position, refused
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Layout, counted_from_one, facts, name_in, numbers_by_name, table, texts
 from hbnlp.core.records import loaded, save_record
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
-from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.attaching import check_belongs, check_problem
 from hbnlp.solutions.identity import meets, moved
 from hbnlp.systems.symmetry import Symmetry, inherent
 
@@ -186,9 +186,7 @@ class Solution:
         TypeError
             If ``problem`` is something else.
         """
-        instance_of(
-            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
-        )
+        check_problem(problem)
         with loaded(path, _LAYOUT) as content:
             rows, coefficients, amplitudes = (
                 content.pop(name) for name in ("origin", "origin_coefficients", "origin_amplitudes")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, final, overload
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import counted, instance_of
+from hbnlp.core.checks import counted
 from hbnlp.core.generators import read_state
 from hbnlp.core.layout import (
     Column,
@@ -27,6 +27,7 @@ from hbnlp.core.layout import (
     whole,
 )
 from hbnlp.core.records import loaded, save_record
+from hbnlp.solutions.attaching import check_problem
 from hbnlp.solutions.solution import Solution, with_problem
 
 if TYPE_CHECKING:
@@ -160,9 +161,7 @@ class SolutionSet(Sequence[Solution]):
         TypeError
             If ``problem`` is something else.
         """
-        instance_of(
-            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
-        )
+        check_problem(problem)
         with loaded(path, _LAYOUT) as content:
             found = cls(**_unpacked(content))
         return found if problem is None else set_with_problem(found, problem)

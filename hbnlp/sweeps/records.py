@@ -18,7 +18,7 @@ from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.settling import integrate
-from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.attaching import check_belongs, check_problem
 from hbnlp.solutions.solution import Solution
 from hbnlp.systems.system import System
 
@@ -116,9 +116,7 @@ class Sweep(AlongParameter):
         FileNotFoundError, ValueError
             If there is no such file, it is damaged or holds something else, or the problem is not the sweep's.
         """
-        instance_of(
-            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
-        )
+        check_problem(problem)
         with loaded(path, _SWEEP) as content:
             sweep = cls(**content, problem=problem)
         solved = np.flatnonzero(sweep.converged)
