@@ -53,10 +53,18 @@ QUICK = [
     64,
     65,
     67,
+    68,
     69,
     70,
+    257,
+    516,
+    555,
 ]
-"""Seeds that take about a second. At 54 and 29 the steps of Newton's method overflow on the way to the first point."""
+"""Seeds that take about a second.
+
+At 54 and 29 the steps of Newton's method overflow on the way to the first point, at 68 and 257 pairs of multipliers
+meet, at 516 and 555 samples of the force rise at the first point and on the way.
+"""
 
 
 @pytest.mark.parametrize("seed", QUICK)

@@ -12,12 +12,13 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.continuation.curve import TINY, relative_residual
 from hbnlp.continuation.point import Point, start_point
+from hbnlp.core.errors import SamplingError
 from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.sizes import size_of_nonlinearity
-from hbnlp.solutions.solution import Solution, guess_for
+from hbnlp.solutions.solution import Solution, attached, guess_for
 from hbnlp.solutions.solving import solve
 from hbnlp.stability.result import Floquet
 
@@ -112,18 +113,23 @@ def _first(
     here, (low, high) = float(values[parameters.index(name)]), sorted(span)
     if not low <= here <= high:
         raise ValueError(f"the start has {name} = {here:g}, outside the span {span}")
-    if x is None or not _is_solution(problem, x, values):
+    sampled = None if x is None else _solved(problem, x, values)
+    if x is None or sampled is None:
         found = solve(problem, at=given, start=start)
-        assert found.problem is not None
-        problem, x = found.problem, found.coefficients.ravel()
+        sampled, x = attached(found), found.coefficients.ravel()
+    problem = sampled
     curve = along_parameter(problem, values, name, span=span, floor=_smallest_solution(problem, values, name, span, x))
     return curve, curve.unknowns.joined(x, [here])
 
 
-def _is_solution(problem: HarmonicBalance, x: Array, values: Array) -> bool:
+def _solved(problem: HarmonicBalance, x: Array, values: Array) -> HarmonicBalance | None:
+    """Return the problem with the samples that suffice at a motion; None if that is no solution, or none suffice."""
+    try:
+        problem = problem.with_enough_samples(x, values)
+    except SamplingError:
+        return None
     curve = along_load(problem, values)
-    solved = relative_residual(curve, curve.unknowns.joined(x, [1.0])) <= SOLVED
-    return solved and problem.samples_suffice(x, values)
+    return problem if relative_residual(curve, curve.unknowns.joined(x, [1.0])) <= SOLVED else None
 
 
 def _coefficients(problem: HarmonicBalance, solution: Solution) -> Array:

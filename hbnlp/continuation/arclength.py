@@ -157,8 +157,10 @@ class Continuation(Generic[C]):
             self.step = verdict.length or 0.5 * self.step
         raise StopContinuation(reason)
 
-    def resume_on(self, curve: C) -> None:
+    def resume_on(self, curve: C, limits: tuple[float, float] | None = None) -> None:
         """Go on from the last point along another curve, whose own point nearest to it is found first.
+
+        One that lies on a parameter limit stays there: its place on the other curve is sought at that value.
 
         Raises
         ------
@@ -168,9 +170,11 @@ class Continuation(Generic[C]):
         base = carried(self.point, self.curve, curve)
         row = base.tangent / base.scale**2
         fresh = dataclasses.replace(base, factors=None)
-        again = finish(curve, base.y, row, base, self.options.newton) or finish(
-            curve, base.y, row, fresh, self.options.newton
-        )
+        again = None
+        if limits is not None and self.point.value in limits:
+            again = self._at_value(curve, base.y, base)
+        again = again or finish(curve, base.y, row, base, self.options.newton)
+        again = again or finish(curve, base.y, row, fresh, self.options.newton)
         if again is None:
             raise StopContinuation(Stop.STEP_TOO_SMALL)
         self.point = dataclasses.replace(again, arclength=base.arclength)
@@ -193,11 +197,15 @@ class Continuation(Generic[C]):
         length = min(step, (bound - base.value) / base.tangent[-1])
         guess = base.y + length * base.tangent
         guess[-1] = bound
+        return self._at_value(self.curve, guess, base)
+
+    def _at_value(self, curve: C, guess: Array, base: Point) -> Point | None:
+        """Return the point of a curve that has the parameter of a guess, or None."""
         row = np.zeros(guess.size)
         row[-1] = 1.0 / base.scale[-1]
-        point = finish(self.curve, guess, row, base, self.options.newton)
+        point = finish(curve, guess, row, base, self.options.newton)
         if point is not None:
-            point.y[-1] = bound  # exactly, also where it is zero
+            point.y[-1] = guess[-1]  # exactly, also where it is zero
         return point
 
     def at(self, base: Point, step: float) -> Point | None:

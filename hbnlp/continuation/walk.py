@@ -126,7 +126,7 @@ class Walk(Generic[C]):
                 self._origin = carried(self._origin, self.curve, other)
                 self._stepper.point = before
                 try:
-                    self._stepper.resume_on(other)
+                    self._stepper.resume_on(other, self._limits)
                 except StopContinuation as stop:
                     self.stop = stop.reason
                 continue
