@@ -17,9 +17,8 @@ import numpy as np
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept
 from hbnlp.core.native import PerThread, bound
-from hbnlp.core.types import Array, BoolArray, IntArray
+from hbnlp.core.types import Array, IntArray
 from hbnlp.fourier import basis_derivatives, basis_values, to_real
-from hbnlp.stability.collocation import Gauss
 from hbnlp.stability.grading import Entries
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.system import System
@@ -33,8 +32,8 @@ _BLOCK = 256  # phases at which the derivatives of f are evaluated together wher
 # Numbers of samples whose memory is kept: those of a mesh and of the next ones.
 _MOST_SAMPLERS = 16
 
-# (intervals in the repeating part, first, last) -> entries at the nodes of intervals first..last-1
-NodeValues = Callable[[int, int, int], Array]
+# (places in an interval, intervals in the repeating part, first, last) -> entries there in intervals first..last-1
+PlaceValues = Callable[[tuple[float, ...], int, int, int], Array]
 
 
 class Variation(NamedTuple):
@@ -47,29 +46,31 @@ class Variation(NamedTuple):
     repeats : int
         How often they repeat in the period.
     at : callable or None
-        Their values ((last - first) * nodes, n_entries) on a uniform mesh; None where they are constant, and where
+        Their values ((last - first) * n_places, n_entries) on a uniform mesh; None where they are constant, and where
         their Fourier series does not converge.
     bandwidth : int
         The highest harmonic that is not small: a mesh has to resolve it.
     entries : callable or None
         Where it does not: f's derivatives themselves, (count, n_entries) at phases (count,).
     weights : (n_entries,) or None
-        Factors with which these are compared with each other: 1 for f_q, the motion's frequency for f_v.
-    varying : (n_entries,) or None
-        Those that are not constant, where there is a series.
+        Factors with which the entries are compared with each other: 1 for f_q, the motion's frequency for f_v.
+    amplitudes : (n, n_entries) or None
+        Of the harmonics ``repeats``, ``2 repeats``, ... , 0 where an entry is constant; where there is a series.
     """
 
     mean: Array
     repeats: int
-    at: NodeValues | None
+    at: PlaceValues | None
     bandwidth: int = 0
     entries: Entries | None = None
     weights: Array | None = None
-    varying: BoolArray | None = None
+    amplitudes: Array | None = None
 
 
 class Linearisation:
     """A system linearised about solutions of ``n_harmonics`` harmonics; compiled once.
+
+    ``places`` are the rows and columns of the entries in f_q and f_v side by side.
 
     Parameters
     ----------
@@ -77,18 +78,19 @@ class Linearisation:
     periods : int
         Forcing periods in one period of the solution.
     n_harmonics : int
-    nodes : int
-        Gauss nodes an interval.
     tol : float
         Where a Fourier series is cut off, relative to its largest term.
     """
 
-    def __init__(self, system: System, periods: int, n_harmonics: int, *, nodes: int, tol: float) -> None:
+    def __init__(self, system: System, periods: int, n_harmonics: int, *, tol: float) -> None:
         self.system, self.periods, self.n_harmonics = system, periods, n_harmonics
-        self._nodes, self._tol = nodes, tol
+        self._tol = tol
         self._omega = system.parameters.index("omega")
         force = system.compiled_force
         self._places = [rows * system.n_dof + columns for rows, columns in (force.places_q, force.places_v)]
+        rows, columns = (np.concatenate(both) for both in zip(force.places_q, force.places_v, strict=True))
+        columns[len(self._places[0]) :] += system.n_dof
+        self.places: tuple[IntArray, IntArray] = (rows, columns)
         self._n_entries = force.derivatives.nnz_out(0)
         self._memory = PerThread(lambda: _Memory(system))
 
@@ -137,17 +139,18 @@ class Linearisation:
         present = np.flatnonzero(sizes > _ROUNDING * scale) + 1
         if not len(present):
             return Variation(series[0], 1, None)
-        repeats, highest, nodes = gcd(*present.tolist()), int(present[-1]), self._nodes
+        repeats, highest = gcd(*present.tolist()), int(present[-1])
         series = to_real(amplitudes[: highest + 1 : repeats].T).T
 
-        def at(intervals: int, first: int, last: int) -> Array:
-            basis = _basis_at_nodes(intervals, nodes, highest // repeats)
-            at_nodes: Array = basis[first * nodes : last * nodes] @ series
-            return at_nodes
+        def at(places: tuple[float, ...], intervals: int, first: int, last: int) -> Array:
+            basis = _basis_at(places, intervals, highest // repeats)
+            values: Array = basis[first * len(places) : last * len(places)] @ series
+            return values
 
         bandwidth = int(np.flatnonzero(sizes > _SMALL * scale).max(initial=0)) + 1
-        varying = np.abs(amplitudes[1:] * weights).max(axis=0) > _ROUNDING * scale
-        return Variation(series[0], repeats, at, bandwidth, varying=varying)
+        moduli = np.abs(amplitudes[repeats : highest + 1 : repeats])
+        moduli[:, moduli.max(axis=0) * weights <= _ROUNDING * scale] = 0.0
+        return Variation(series[0], repeats, at, bandwidth, weights=weights, amplitudes=moduli)
 
     def _on_demand(self, coefficients: Array, values: Array) -> Entries:
         """Return the evaluation at any phases, for a force whose series does not converge."""
@@ -225,6 +228,6 @@ def _equidistant(count: int, n_harmonics: int) -> tuple[Array, Array, Array, Arr
 
 
 @lru_cache(maxsize=32)
-def _basis_at_nodes(intervals: int, nodes: int, n_harmonics: int) -> Array:
-    phases = 2.0 * np.pi / intervals * np.add.outer(np.arange(intervals), Gauss.of(nodes).c).ravel()
+def _basis_at(places: tuple[float, ...], intervals: int, n_harmonics: int) -> Array:
+    phases = 2.0 * np.pi / intervals * np.add.outer(np.arange(intervals), places).ravel()
     return basis_values(phases, n_harmonics)

@@ -6,9 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hbnlp import System
-from hbnlp.stability import multipliers as module
-from hbnlp.stability.collocation import Gauss
-from hbnlp.stability.exponential import MeanModes, _integrals
+from hbnlp.stability.integrals import Polynomials
+from hbnlp.stability.modes import Modes
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.spectra import distance
 
@@ -52,8 +51,8 @@ def integrated(system, x, omega):
 @pytest.mark.parametrize(("name", "omega", "damping"), [(n, 0.7, 0.02) for n in FORCES] + [("cubic", 0.3, 1e-3)])
 def test_few_varying_entries_beside_fast_modes_agree_with_integration(name, omega, damping, monkeypatch):
     used = []
-    make = MeanModes.of
-    monkeypatch.setattr(MeanModes, "of", lambda *a: used.append(make(*a)) or used[-1])
+    make = Modes.of
+    monkeypatch.setattr(Modes, "of", lambda *a: used.append(make(*a)) or used[-1])
     system = beam(FORCES[name], damping=damping)
     x = 0.3 * np.random.default_rng(1).normal(size=(N, 7))
     result = FloquetEvaluator(system, 1, 3)(x, [omega])
@@ -68,7 +67,7 @@ def test_it_is_plain_collocation_in_any_units(fastest, unit, monkeypatch):
     system = beam(FORCES["cubic"], fastest, damping=0.6, unit=unit)
     x = 0.3 / unit * np.random.default_rng(2).normal(size=(N, 7))
     result = FloquetEvaluator(system, 1, 3)(x, [0.8])
-    monkeypatch.setattr(module, "WORTH_MODES", np.inf)
+    monkeypatch.setattr(Modes, "of", lambda *a: None)
     plain = FloquetEvaluator(system, 1, 3)(x, [0.8])
     assert distance(result.multipliers, plain.multipliers) <= result.error + plain.error
     assert result.n_intervals < plain.n_intervals
@@ -81,7 +80,7 @@ def test_a_defective_mean_is_left_to_plain_collocation():
     x = 0.3 * np.random.default_rng(2).normal(size=(N, 7))
     evaluator = FloquetEvaluator(system, 1, 3)
     variation = evaluator._linearised.variation(x, np.array([0.8]))
-    assert evaluator._mean_modes(evaluator._linearised.plant(np.array([0.8])), variation) is None
+    assert evaluator._exponential(evaluator._linearised.plant(np.array([0.8])), variation, 2.0 * np.pi / 0.8) is None
     assert evaluator(x, [0.8]).converged
 
 
@@ -89,5 +88,5 @@ def test_a_defective_mean_is_left_to_plain_collocation():
 def test_both_ways_to_integrate_meet(nodes):
     """On both sides of where sums by parts take over from quadrature, integrals are continuous."""
     z = 20.0 * np.exp(1j * np.linspace(0.5 * np.pi, np.pi, 7))
-    inside, outside = (_integrals(z * (1.0 + sign * 1e-12), Gauss.of(nodes))[1] for sign in (-1, 1))
+    inside, outside = (Polynomials.of(nodes).integrals(z * (1.0 + sign * 1e-12))[1] for sign in (-1, 1))
     np.testing.assert_allclose(inside, outside, atol=1e-11)
