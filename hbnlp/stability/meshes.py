@@ -159,7 +159,7 @@ class Graded:
             (places,) = np.nonzero(mesh.levels == level)
             for first in range(0, places.size, step_maps.batch):
                 here = places[first : first + step_maps.batch]
-                at_nodes = mesh.entries[here].reshape(here.size * nodes, -1)
+                at_nodes = mesh.entries[here].reshape(here.size * nodes, -1)[:, : self._variation.mean.size]
                 maps[here] = step_maps(*self._linearised.matrices(at_nodes))
         with np.errstate(over="ignore", invalid="ignore"):
             log_determinant = float(np.linalg.slogdet(maps)[1].sum())
