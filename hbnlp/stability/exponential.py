@@ -15,12 +15,14 @@ order, is solved for with the same matrix: each map comes with a second one, mor
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import lapack
 
 from hbnlp.core.types import Array
 from hbnlp.stability.integrals import Polynomials
 from hbnlp.stability.modes import Modes
 
 _BATCH = 500_000  # bytes of the matrices solved in one call, as in collocation.py
+_LARGE = 32  # unknowns; measured: beyond, LAPACK's inverse and a product are faster than numpy's solution
 
 
 class ExponentialMaps:
@@ -78,7 +80,7 @@ class ExponentialMaps:
         at_nodes, at_defects = varying[:, :m], varying[:, m:]
         system = (at_nodes @ self._paths).reshape(k, m * n_rows, m * n_rows)
         np.einsum("kii->ki", system)[...] += 1.0
-        unknowns = np.linalg.solve(system, (at_nodes @ self._known).reshape(k, m * n_rows, -1))
+        unknowns = _solved(system, (at_nodes @ self._known).reshape(k, m * n_rows, -1))
         ends = self._free - self._gain @ unknowns
         maps, of_defects = ends[..., :n_state], ends[..., n_state:]
         g = unknowns[..., :n_state]
@@ -86,6 +88,20 @@ class ExponentialMaps:
         defects = self._polynomials.at_defects @ g.reshape(k, m, -1)
         defects = defects.reshape(k, -1, n_rows, n_state) - at_defects @ seen
         return np.stack([maps, maps + of_defects @ defects.reshape(k, -1, n_state)], axis=1)
+
+
+def _solved(matrices: Array, right: Array) -> Array:
+    """Return solutions of k systems (k, n, n) for as many or more right-hand sides (k, n, columns)."""
+    if matrices.shape[1] < _LARGE:
+        return np.linalg.solve(matrices, right)
+    inverses = np.empty_like(matrices)
+    for matrix, inverse in zip(matrices, inverses, strict=True):
+        # LAPACK's order is by columns: of the transposed matrix, without a copy
+        factors, pivots, _ = lapack.dgetrf(matrix.T, overwrite_a=True)
+        inverse.T[:], singular = lapack.dgetri(factors, pivots, overwrite_lu=True)
+        if singular:
+            raise np.linalg.LinAlgError("Singular matrix")
+    return inverses @ right
 
 
 def _real_product(one: Array, other: Array) -> Array:

@@ -12,7 +12,7 @@ from hbnlp.stability.collocation import Gauss, StepMaps
 from hbnlp.stability.exponential import ExponentialMaps
 from hbnlp.stability.grading import graded
 from hbnlp.stability.integrals import Polynomials
-from hbnlp.stability.modes import Modes
+from hbnlp.stability.modes import ConstantPart
 from hbnlp.stability.prediction import Prediction
 from hbnlp.stability.spectra import distance, ordered, product, spectrum
 from hbnlp.stability.variation import Linearisation, Variation
@@ -70,10 +70,7 @@ class Exponential:
 
     Parameters
     ----------
-    modes : Modes
-        Of the constant part.
-    constant : (n_entries,)
-        The entries of f_q and f_v in it.
+    constant : ConstantPart
     linearised, variation
     period : float
     nodes : int
@@ -81,14 +78,14 @@ class Exponential:
 
     def __init__(
         self,
-        modes: Modes,
-        constant: Array,
+        constant: ConstantPart,
         linearised: Linearisation,
         variation: Variation,
         period: float,
         nodes: int,
     ) -> None:
-        self._modes, self._constant, self._variation = modes, constant, variation
+        modes = constant.modes
+        self._modes, self._constant, self._variation = modes, constant.entries, variation
         self._period, self._nodes = period / variation.repeats, nodes
         rows, columns = linearised.places
         assert variation.amplitudes is not None
@@ -100,7 +97,7 @@ class Exponential:
         shape = (len(modes.rows), len(modes.columns))
         amplitudes, shift = np.zeros((len(variation.amplitudes), *shape)), np.zeros(shape)
         amplitudes[:, *self._at] = variation.amplitudes[:, self._entries]
-        shift[self._at] = np.abs(variation.mean - constant)[self._entries]
+        shift[self._at] = np.abs(variation.mean - constant.entries)[self._entries]
         self.prediction = Prediction(modes, amplitudes, shift, self._period, period, nodes)
 
     def __call__(self, intervals: int) -> OnMesh:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hbnlp.core.types import Array, ComplexArray, IntArray
@@ -10,6 +12,14 @@ from hbnlp.systems.plant import Plant
 
 # Part of the tolerance that rounding may take; it takes more where J is defective, or nearly so.
 _ROUNDING = 1e-3
+
+
+class ConstantPart(NamedTuple):
+    """A constant part of the equations: its modes, its entries of f_q and f_v, and what tells whose it is."""
+
+    modes: Modes
+    entries: Array
+    key: bytes
 
 
 class Modes:

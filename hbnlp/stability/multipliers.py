@@ -21,7 +21,7 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.meshes import Exponential, Graded, OnMesh, Uniform
-from hbnlp.stability.modes import Modes
+from hbnlp.stability.modes import ConstantPart, Modes
 from hbnlp.stability.result import Floquet, FloquetResult
 from hbnlp.stability.spectra import distance, ordered, product
 from hbnlp.stability.variation import Linearisation, Variation
@@ -30,9 +30,7 @@ from hbnlp.systems.system import System
 
 FEWEST_GRADED = 48
 """Intervals of a period that a graded mesh begins with: a feature between their samples would not be seen."""
-FEW = 64
-"""Intervals up to which the modes of the plant alone, made once a branch, cost less than those of the mean."""
-_SHIFT = 2.0  # of the largest change of the coefficients: a mean up to which the plant alone is near enough
+_MOVED = 0.5  # of the largest change within the period: where the mean moved less, the neighbour's modes will do
 _RESOLVED = 0.1  # two meshes whose multipliers differ by more are both too coarse to learn from
 _RESERVE = 0.1  # part of the tolerance that the next mesh aims at
 
@@ -72,7 +70,6 @@ class FloquetEvaluator:
         self.options = options or Floquet()
         cut = min(max(1e-5 * self.options.tol, 1e-13), 1e-11)
         self._linearised = Linearisation(system, periods, n_harmonics, tol=cut)
-        self._plant_modes: tuple[bytes, Modes | None] = (b"", None)
 
     @classmethod
     def of(cls, problem: HarmonicBalance, options: Floquet | None = None) -> FloquetEvaluator:
@@ -94,17 +91,18 @@ class FloquetEvaluator:
         values : (n_parameters,)
             In the order of ``system.parameters.names``.
         near : FloquetResult, optional
-            The result at a neighbouring solution: this one begins with its mesh.
+            The result at a neighbouring solution: this one begins with its mesh and its constant part.
         """
         x, p, period = self._checked(coefficients, values)
         plant, variation = self._linearised.plant(p), self._linearised.variation(x, p)
         if variation.at is None and variation.entries is None:
             return self._exact(self._mean_state_matrix(plant, variation), period)
-        exponential = self._exponential(plant, variation, period)
-        if exponential is None:
+        constant = self._constant_part(plant, variation, near)
+        if constant is None:
             now, error, enough = self._compared(plant, variation, period, near)
         else:
-            now, error, enough = self._corrected(exponential, variation, period, near)
+            on = Exponential(constant, self._linearised, variation, period, self.options.nodes)
+            now, error, enough = self._corrected(on, variation, period, near)
         repeats = variation.repeats
         with np.errstate(over="ignore", invalid="ignore"):
             monodromy = np.linalg.matrix_power(product(now.maps)[0], repeats)
@@ -117,6 +115,7 @@ class FloquetEvaluator:
             n_intervals=repeats * now.n_intervals,
             next_intervals=repeats * enough,
             options=self.options,
+            constant_part=constant,
         )
 
     def _corrected(
@@ -200,34 +199,24 @@ class FloquetEvaluator:
         limit = self._limit(variation)
         return max(ceil(min(guess, limit)), ceil(min(least, limit)))
 
-    def _exponential(self, plant: Plant, variation: Variation, period: float) -> Exponential | None:
-        """Return the meshes that are exact for a constant part; None if it has to be collocated too.
-
-        The constant part is the plant alone, whose modes a branch has in common, where the mean of f_q and f_v is not
-        far from none and few intervals are needed; else, the mean.
-        """
+    def _constant_part(
+        self, plant: Plant, variation: Variation, near: FloquetResult | None
+    ) -> ConstantPart | None:
+        """Return what is taken as exact, the neighbour's where it is not far from the mean; None if it has no modes."""
         if variation.amplitudes is None:
             return None
         assert variation.weights is not None
-        sizes, means = variation.amplitudes.sum(axis=0), np.abs(variation.mean * variation.weights)
+        sizes = variation.amplitudes.sum(axis=0)
         rows, columns = (np.unique(places[sizes > 0.0]) for places in self._linearised.places)
-
-        def meshes(modes: Modes | None, constant: Array) -> Exponential | None:
-            if modes is None:
-                return None
-            return Exponential(modes, constant, self._linearised, variation, period, self.options.nodes)
-
-        if means.max() <= _SHIFT * (sizes * variation.weights).max() and not means[sizes == 0.0].any():
-            key = b"".join(part.tobytes() for part in (*plant, rows, columns))
-            if self._plant_modes[0] != key:
-                nothing = np.zeros_like(plant.mass)
-                state_matrix = plant.state_matrix(nothing, nothing)
-                self._plant_modes = (key, Modes.of(plant, state_matrix, rows, columns, self.options.tol))
-            found = meshes(self._plant_modes[1], np.zeros_like(variation.mean))
-            if found is not None and found.prediction.enough(self.options.tol) <= FEW:
-                return found
+        key = b"".join(part.tobytes() for part in (*plant, rows, columns, variation.mean[sizes == 0.0]))
+        known = None if near is None else near.constant_part
+        if known is not None and known.key == key:
+            moved = np.abs(variation.mean - known.entries) * variation.weights
+            if moved.max() <= _MOVED * (sizes * variation.weights).max():
+                return known
         state_matrix = self._mean_state_matrix(plant, variation)
-        return meshes(Modes.of(plant, state_matrix, rows, columns, self.options.tol), variation.mean)
+        modes = Modes.of(plant, state_matrix, rows, columns, self.options.tol)
+        return None if modes is None else ConstantPart(modes, variation.mean, key)
 
     def _mean_state_matrix(self, plant: Plant, variation: Variation) -> Array:
         by_q, by_v = self._linearised.matrices(variation.mean[None])

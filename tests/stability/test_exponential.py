@@ -80,7 +80,7 @@ def test_a_defective_mean_is_left_to_plain_collocation():
     x = 0.3 * np.random.default_rng(2).normal(size=(N, 7))
     evaluator = FloquetEvaluator(system, 1, 3)
     variation = evaluator._linearised.variation(x, np.array([0.8]))
-    assert evaluator._exponential(evaluator._linearised.plant(np.array([0.8])), variation, 2.0 * np.pi / 0.8) is None
+    assert evaluator._constant_part(evaluator._linearised.plant(np.array([0.8])), variation, None) is None
     assert evaluator(x, [0.8]).converged
 
 
