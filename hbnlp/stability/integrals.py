@@ -64,9 +64,7 @@ class Polynomials:
         orders = range(nodes + _DEFECTS)
         derivatives = np.array([legendre.legval(at, legendre.legder(coefficients, d, scl=2.0)).T for d in orders])
         at_defects = legendre.legval(x, coefficients[:, :nodes]).T
-        return Polynomials(
-            defects, places, at_defects, np.ascontiguousarray(values), derivatives, sigma, weights / 2.0
-        )
+        return Polynomials(defects, places, at_defects, np.ascontiguousarray(values), derivatives, sigma, weights / 2.0)
 
     def integrals(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return exp(z c) and the integrals over s from 0 to c of exp(z (c - s)) p(s), for c at all places.

@@ -49,7 +49,8 @@ class FloquetEvaluator:
 
     Notes
     -----
-    The error of a mesh whose constant part is exact is twice what a first-order correction of its defects changes.
+    The error of a mesh whose constant part is exact is twice what a first-order correction of its defects changes, and
+    what its nodes cannot see of the harmonics of the coefficients.
 
     Gauss collocation is A-stable without damping. A mode that the mesh does not resolve keeps a modulus near one in the
     step map, hence shows when two meshes are compared, unlike with methods that damp it away. With rho the ratio of
@@ -121,7 +122,7 @@ class FloquetEvaluator:
     def _corrected(
         self, on: Exponential, variation: Variation, period: float, near: FloquetResult | None
     ) -> tuple[OnMesh, float, int]:
-        """Return what one mesh gives, refined until its own estimate of the error is small; the next one's intervals."""
+        """Return what one mesh gives, refined until its own estimate of the error will do; the next one's intervals."""
         nodes, tol, limit = self.options.nodes, self.options.tol, self._limit(variation)
         # what a mesh does not resolve it cannot tell, and a double multiplier moves by the square root of it
         least = max(on.prediction.least(max(30.0 * tol**2, 1e-12), limit), 2.0)
@@ -199,9 +200,7 @@ class FloquetEvaluator:
         limit = self._limit(variation)
         return max(ceil(min(guess, limit)), ceil(min(least, limit)))
 
-    def _constant_part(
-        self, plant: Plant, variation: Variation, near: FloquetResult | None
-    ) -> ConstantPart | None:
+    def _constant_part(self, plant: Plant, variation: Variation, near: FloquetResult | None) -> ConstantPart | None:
         """Return what is taken as exact, the neighbour's where it is not far from the mean; None if it has no modes."""
         if variation.amplitudes is None:
             return None

@@ -35,9 +35,7 @@ class Prediction:
         m
     """
 
-    def __init__(
-        self, modes: Modes, amplitudes: Array, shift: Array, period: float, whole: float, nodes: int
-    ) -> None:
+    def __init__(self, modes: Modes, amplitudes: Array, shift: Array, period: float, whole: float, nodes: int) -> None:
         coupling = modes.coupling(whole)
         self._nodes, self._period = nodes, period
         self._of_modes = np.tensordot(coupling, amplitudes.sum(axis=0) + shift, 2)

@@ -55,7 +55,7 @@ class FloquetResult:
     period : float
     log_determinant : float
         Logarithm of the modulus of the monodromy matrix's determinant, summed over the step maps (no underflow). It may
-        be rough where modes decay within a step whose mean is integrated exactly.
+        be rough where modes decay within a step whose constant part is integrated exactly.
     error : float
         Estimate, on the safe side, of the largest error of the multipliers relative to max(1, abs(mu)).
     n_intervals : int
@@ -64,7 +64,7 @@ class FloquetResult:
         Intervals that a neighbouring solution of the same period is expected to need.
     options : Floquet
     constant_part : ConstantPart or None
-        The part of the equations that was integrated exactly, with its modes: a neighbouring solution may begin with it.
+        The part of the equations that was integrated exactly, with its modes; a neighbouring solution begins with it.
     """
 
     multipliers: ComplexArray

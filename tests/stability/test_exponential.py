@@ -9,6 +9,7 @@ from hbnlp import System
 from hbnlp.stability.integrals import Polynomials
 from hbnlp.stability.modes import Modes
 from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import Floquet
 from hbnlp.stability.spectra import distance
 
 N = 5
@@ -90,3 +91,35 @@ def test_both_ways_to_integrate_meet(nodes):
     z = 20.0 * np.exp(1j * np.linspace(0.5 * np.pi, np.pi, 7))
     inside, outside = (Polynomials.of(nodes).integrals(z * (1.0 + sign * 1e-12))[1] for sign in (-1, 1))
     np.testing.assert_allclose(inside, outside, atol=1e-11)
+
+
+@pytest.mark.parametrize("nodes", [3, 8])
+@pytest.mark.parametrize("tol", [1e-3, 1e-6])
+def test_one_mesh_tells_its_own_error(tol, nodes):
+    """Against plain collocation to a far smaller tolerance."""
+    for seed in range(4):
+        system = beam(FORCES["two entries"], fastest=(4.0, 15.0)[seed % 2], damping=0.01)
+        x = 0.4 * np.random.default_rng(seed).normal(size=(N, 7))
+        result = FloquetEvaluator(system, 1, 3, Floquet(tol=tol, nodes=nodes))(x, [0.6])
+        reference = FloquetEvaluator(system, 1, 3, Floquet(tol=1e-10))(x, [0.6])
+        assert result.constant_part is not None
+        assert result.converged
+        assert distance(result.multipliers, reference.multipliers) <= 2.0 * result.error + reference.error
+
+
+def test_a_neighbour_gives_its_modes_and_the_same_multipliers(monkeypatch):
+    system = beam(FORCES["cubic"])
+    x = 0.3 * np.random.default_rng(1).normal(size=(N, 7))
+    evaluator = FloquetEvaluator(system, 1, 3)
+    first = evaluator(x, [0.7])
+    alone = evaluator(1.05 * x, [0.72])
+    made = []
+    make = Modes.of
+    monkeypatch.setattr(Modes, "of", lambda *a: made.append(0) or make(*a))
+    beside = evaluator(1.05 * x, [0.72], near=first)
+    assert not made
+    assert beside.constant_part is first.constant_part
+    assert distance(beside.multipliers, alone.multipliers) <= beside.error + alone.error
+    far = evaluator(3.0 * x, [0.72], near=first)
+    assert made
+    assert distance(far.multipliers, evaluator(3.0 * x, [0.72]).multipliers) <= 2.0 * far.error
