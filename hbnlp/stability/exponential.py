@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from hbnlp.core.types import Array
+from hbnlp.core.types import Array, ComplexArray
 from hbnlp.stability.integrals import Polynomials
 from hbnlp.stability.modes import Modes
 
@@ -93,7 +93,7 @@ class ExponentialMaps:
 def _solved(matrices: Array, right: Array) -> Array:
     """Return solutions of k systems (k, n, n) for as many or more right-hand sides (k, n, columns)."""
     if matrices.shape[1] < _LARGE:
-        return np.linalg.solve(matrices, right)
+        return np.linalg.solve(matrices, right).astype(float, copy=False)
     inverses = np.empty_like(matrices)
     for matrix, inverse in zip(matrices, inverses, strict=True):
         # LAPACK's order is by columns: of the transposed matrix, without a copy
@@ -104,7 +104,7 @@ def _solved(matrices: Array, right: Array) -> Array:
     return inverses @ right
 
 
-def _real_product(one: Array, other: Array) -> Array:
+def _real_product(one: ComplexArray, other: ComplexArray) -> Array:
     """Return the real part of a product of complex matrices."""
     product: Array = one.real @ other.real
     product -= one.imag @ other.imag

@@ -173,7 +173,7 @@ class Linearisation:
                 found.append(np.hstack([derivatives, self._forces(block, *sampling, coefficients, values)]))
             return np.concatenate(found)[: theta.size]
 
-        some = entries(2.0 * np.pi / _MOST_SAMPLES * np.arange(_MOST_SAMPLES))
+        some = entries(2.0 * np.pi / _MOST_SAMPLES * np.arange(_MOST_SAMPLES, dtype=float))
         derivatives, forces = some[:, : self._n_entries], np.abs(some[:, self._n_entries :]).max(axis=0)
         weights = np.concatenate([weights, np.abs(derivatives * weights).max() / np.maximum(forces, _LITTLE)])
         return Variation(derivatives.mean(axis=0), 1, None, entries=entries, weights=weights)
@@ -185,10 +185,11 @@ class Linearisation:
         """
         forces = self._sample(theta, sampling, slope, coefficients, values, "value").copy()
         size = np.abs(forces).max(axis=0)
-        still = (np.broadcast_to(row, matrix.shape) for matrix, row in ((sampling, sampling[0]), (slope, slope[0])))
+        still, slope_then = np.broadcast_to(sampling[0], sampling.shape), np.broadcast_to(slope[0], slope.shape)
         with suppress(NonFiniteError):  # the force need not be defined there
-            forces -= self._sample(theta, *still, coefficients, values, "value")
-        return np.divide(forces, size, out=forces, where=size > 0.0)
+            forces -= self._sample(theta, still, slope_then, coefficients, values, "value")
+        forces /= np.where(size > 0.0, size, 1.0)
+        return forces
 
     def _sample(
         self,

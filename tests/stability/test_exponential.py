@@ -120,6 +120,8 @@ def test_a_neighbour_gives_its_modes_and_the_same_multipliers(monkeypatch):
     assert not made
     assert beside.constant_part is first.constant_part
     assert distance(beside.multipliers, alone.multipliers) <= beside.error + alone.error
-    far = evaluator(3.0 * x, [0.72], near=first)
+    x[:, 0] += 2.0
+    far = evaluator(x, [0.72], near=first)
     assert made
-    assert distance(far.multipliers, evaluator(3.0 * x, [0.72]).multipliers) <= 2.0 * far.error
+    assert far.constant_part is not first.constant_part
+    assert distance(far.multipliers, evaluator(x, [0.72]).multipliers) <= 2.0 * far.error
