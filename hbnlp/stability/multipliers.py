@@ -1,15 +1,15 @@
 """Floquet multipliers of the full state (q, q', x) about a harmonic-balance solution.
 
 The linearised equations are integrated over the period (over one r-th of it, where their coefficients repeat r times)
-by Gauss collocation for all initial states at once, that of what varies alone where it touches few states and the rest
-is fast (`exponential.py`); the mesh is refined until the multipliers of two meshes agree.
-Where coefficients switch, or turn sharply, it is graded towards these phases first.
+by Gauss collocation for all initial states at once, of what varies alone beside a constant part that is exact
+(`exponential.py`); the mesh is refined until a correction within its intervals hardly moves the multipliers.
+Where the constant part has no eigenvectors, the whole equations are collocated, on two meshes that are compared.
+Where coefficients switch, or turn sharply, these are graded towards such phases first.
 """
 
 from __future__ import annotations
 
 from math import ceil
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,32 +18,21 @@ from scipy.linalg import expm
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import instance_of
 from hbnlp.core.interrupts import interrupts_kept
-from hbnlp.core.types import Array, ComplexArray
+from hbnlp.core.types import Array
 from hbnlp.solutions.solution import Solution, attached
-from hbnlp.stability.collocation import Gauss, StepMaps
-from hbnlp.stability.exponential import ExponentialMaps, MeanModes
-from hbnlp.stability.grading import graded
+from hbnlp.stability.meshes import Exponential, Graded, OnMesh, Uniform
+from hbnlp.stability.modes import ConstantPart, Modes
 from hbnlp.stability.result import Floquet, FloquetResult
-from hbnlp.stability.spectra import distance, ordered, product, spectrum
-from hbnlp.stability.variation import Linearisation, NodeValues, Variation
+from hbnlp.stability.spectra import distance, ordered, product
+from hbnlp.stability.variation import Linearisation, Variation
 from hbnlp.systems.plant import Plant
 from hbnlp.systems.system import System
 
 FEWEST_GRADED = 48
 """Intervals of a period that a graded mesh begins with: a feature between their samples would not be seen."""
-WORTH_MODES = 16
-"""Intervals that collocation is expected to need beyond which the mean is diagonalised, and its part made exact."""
+_MOVED = 0.5  # of the largest change within the period: where the mean moved less, the neighbour's modes will do
 _RESOLVED = 0.1  # two meshes whose multipliers differ by more are both too coarse to learn from
-
-
-class _OnMesh(NamedTuple):
-    """What one mesh gives: multipliers, products of consecutive step maps, log-determinant of one repetition."""
-
-    multipliers: ComplexArray
-    maps: Array
-    log_determinant: float
-    n_intervals: int
-    resolved: bool = True
+_RESERVE = 0.1  # part of the tolerance that the next mesh aims at
 
 
 class FloquetEvaluator:
@@ -60,6 +49,9 @@ class FloquetEvaluator:
 
     Notes
     -----
+    The error of a mesh whose constant part is exact is twice what a first-order correction of its defects changes, and
+    what its nodes cannot see of the harmonics of the coefficients.
+
     Gauss collocation is A-stable without damping. A mode that the mesh does not resolve keeps a modulus near one in the
     step map, hence shows when two meshes are compared, unlike with methods that damp it away. With rho the ratio of
     the two meshes, d the largest difference of their multipliers, paired, and m nodes, the error estimate is
@@ -77,9 +69,8 @@ class FloquetEvaluator:
             raise ValueError(f"periods is {periods!r} and n_harmonics {n_harmonics!r}; both must be at least 1")
         self.system, self.periods, self.n_harmonics = system, int(periods), int(n_harmonics)
         self.options = options or Floquet()
-        self._gauss = Gauss.of(self.options.nodes)
         cut = min(max(1e-5 * self.options.tol, 1e-13), 1e-11)
-        self._linearised = Linearisation(system, periods, n_harmonics, nodes=self.options.nodes, tol=cut)
+        self._linearised = Linearisation(system, periods, n_harmonics, tol=cut)
 
     @classmethod
     def of(cls, problem: HarmonicBalance, options: Floquet | None = None) -> FloquetEvaluator:
@@ -101,54 +92,19 @@ class FloquetEvaluator:
         values : (n_parameters,)
             In the order of ``system.parameters.names``.
         near : FloquetResult, optional
-            The result at a neighbouring solution: this one begins with its mesh.
+            The result at a neighbouring solution: this one begins with its mesh and its constant part.
         """
         x, p, period = self._checked(coefficients, values)
         plant, variation = self._linearised.plant(p), self._linearised.variation(x, p)
         if variation.at is None and variation.entries is None:
             return self._exact(self._mean_state_matrix(plant, variation), period)
-        repeats, nodes, tol = variation.repeats, self.options.nodes, self.options.tol
-        limit = max(self.options.max_intervals // repeats, 2)
-        guess = self._estimated_intervals(plant, variation, period)
-        modes = self._mean_modes(plant, variation) if guess > WORTH_MODES * repeats else None
-        if modes is not None:
-            guess = self._phase_intervals(modes.fastest(period), period)
-        if near is not None and near.next_intervals:
-            wanted = near.next_intervals * period / near.period
+        constant = self._constant_part(plant, variation, near)
+        if constant is None:
+            now, error, enough = self._compared(plant, variation, period, near)
         else:
-            wanted = self.options.intervals or guess
-        least = FEWEST_GRADED if variation.entries is not None else 4 * variation.bandwidth / (repeats * nodes)
-        fine = min(max(ceil(wanted / repeats), ceil(least), 4), limit)
-        coarse = 2 * fine // 3
-        deviation = 1e-3 * tol**0.5
-
-        def on(intervals: int) -> _OnMesh:
-            if variation.entries is not None:
-                return self._on_graded(plant, variation, period, intervals, deviation)
-            assert variation.at is not None
-            step = period / repeats / intervals
-            step_maps = (
-                StepMaps(plant, self._gauss, step)
-                if modes is None
-                else ExponentialMaps(modes, self._mean(variation), self._gauss, step)
-            )
-            return self._on_mesh(step_maps, variation.at, intervals, repeats)
-
-        before, now = on(coarse), on(fine)
-        while True:
-            change = distance(before.multipliers, now.multipliers)
-            ratio = (coarse / fine) ** (0.5 * nodes if variation.entries is None else 0.5)
-            error = change * ratio / (1.0 - ratio) + (0.0 if modes is None else modes.rounding)
-            if variation.entries is not None:
-                error = error + deviation**2 if now.resolved else np.inf
-            if error <= tol or fine == limit:
-                break
-            coarse, fine = fine, min(ceil(fine * (1.5 if change < _RESOLVED else 2.0)), limit)
-            deviation *= 0.1
-            before, now = now, on(fine)
-        # A pair of meshes 2 to 3 that would just do, by the order of the method and with some reserve.
-        excess = change * (2.0 / 3.0) ** (0.5 * nodes) / (0.2 * tol)
-        enough = ceil(1.5 * coarse * min(max(excess ** (0.5 / nodes), 0.6), 1.3))
+            on = Exponential(constant, self._linearised, variation, period, self.options.nodes)
+            now, error, enough = self._corrected(on, variation, period, near)
+        repeats = variation.repeats
         with np.errstate(over="ignore", invalid="ignore"):
             monodromy = np.linalg.matrix_power(product(now.maps)[0], repeats)
         return FloquetResult(
@@ -160,7 +116,58 @@ class FloquetEvaluator:
             n_intervals=repeats * now.n_intervals,
             next_intervals=repeats * enough,
             options=self.options,
+            constant_part=constant,
         )
+
+    def _corrected(
+        self, on: Exponential, variation: Variation, period: float, near: FloquetResult | None
+    ) -> tuple[OnMesh, float, int]:
+        """Return what one mesh gives, refined until its own estimate of the error will do; the next one's intervals."""
+        nodes, tol, limit = self.options.nodes, self.options.tol, self._limit(variation)
+        # what a mesh does not resolve it cannot tell, and a double multiplier moves by the square root of it
+        least = max(on.prediction.least(max(30.0 * tol**2, 1e-12), limit), 2.0)
+        guess = on.prediction.enough(_RESERVE * tol)
+        intervals = self._first(guess, least, variation, period, near)
+        while True:
+            now = on(intervals)
+            if now.error <= tol or intervals == limit:
+                break
+            growth = (now.error / (_RESERVE * tol)) ** (1.0 / nodes)
+            intervals = min(ceil(intervals * min(max(growth, 1.1), 2.0)), limit)
+        excess = now.error / (_RESERVE * tol)
+        return now, now.error, ceil(intervals * min(max(excess ** (0.5 / nodes), 0.6), 1.3))
+
+    def _compared(
+        self, plant: Plant, variation: Variation, period: float, near: FloquetResult | None
+    ) -> tuple[OnMesh, float, int]:
+        """Return what the finer of two meshes gives, refined until they agree; the next one's intervals."""
+        nodes, tol, limit = self.options.nodes, self.options.tol, self._limit(variation)
+        smooth = variation.entries is None
+        least = max(4 * variation.bandwidth / nodes / variation.repeats, 4) if smooth else FEWEST_GRADED
+        guess = self._estimated_intervals(plant, variation, period) / variation.repeats
+        fine = self._first(guess, least, variation, period, near)
+        coarse, deviation = 2 * fine // 3, 1e-3 * tol**0.5
+        uniform = Uniform(self._linearised, plant, variation, period, nodes)
+        on_graded = Graded(self._linearised, plant, variation, period, nodes, self.options.max_intervals)
+
+        def on(intervals: int) -> OnMesh:
+            return uniform(intervals) if smooth else on_graded(intervals, deviation)
+
+        before, now = on(coarse), on(fine)
+        while True:
+            change = distance(before.multipliers, now.multipliers)
+            ratio = (coarse / fine) ** (0.5 * nodes if smooth else 0.5)
+            error = change * ratio / (1.0 - ratio)
+            if not smooth:
+                error = error + deviation**2 if now.resolved else np.inf
+            if error <= tol or fine == limit:
+                break
+            coarse, fine = fine, min(ceil(fine * (1.5 if change < _RESOLVED else 2.0)), limit)
+            deviation *= 0.1
+            before, now = now, on(fine)
+        # A pair of meshes 2 to 3 that would just do, by the order of the method and with some reserve.
+        excess = change * (2.0 / 3.0) ** (0.5 * nodes) / (0.2 * tol)
+        return now, error, ceil(1.5 * coarse * min(max(excess ** (0.5 / nodes), 0.6), 1.3))
 
     def expected_log_determinant(self, coefficients: ArrayLike, values: ArrayLike) -> float:
         """Return the integral of the trace of the linearised state matrix over the period (Liouville's formula)."""
@@ -179,17 +186,36 @@ class FloquetEvaluator:
             raise ValueError(f"the parameter values are {p}; finite ones of {', '.join(names)}, omega > 0, are needed")
         return x, p, float(2.0 * np.pi * self.periods / p[parameters.index("omega")])
 
-    def _mean(self, variation: Variation) -> tuple[Array, Array | None]:
-        by_q, by_v = self._linearised.matrices(variation.mean[None])
-        return by_q[0], None if by_v is None else by_v[0]
+    def _limit(self, variation: Variation) -> int:
+        return max(self.options.max_intervals // variation.repeats, 2)
 
-    def _mean_modes(self, plant: Plant, variation: Variation) -> MeanModes | None:
-        """Return the modes of the mean, None where collocation of the whole equations is used."""
-        if variation.varying is None:
+    def _first(
+        self, guess: float, least: float, variation: Variation, period: float, near: FloquetResult | None
+    ) -> int:
+        """Return the intervals of one repetition to begin with."""
+        if near is not None and near.next_intervals:
+            guess = near.next_intervals * period / near.period / variation.repeats
+        elif self.options.intervals is not None:
+            guess = self.options.intervals / variation.repeats
+        limit = self._limit(variation)
+        return max(ceil(min(guess, limit)), ceil(min(least, limit)))
+
+    def _constant_part(self, plant: Plant, variation: Variation, near: FloquetResult | None) -> ConstantPart | None:
+        """Return what is taken as exact, the neighbour's where it is not far from the mean; None if it has no modes."""
+        if variation.amplitudes is None:
             return None
-        by_q, by_v = self._linearised.matrices(variation.varying[None].astype(float))
-        varying = by_q[0] if by_v is None else np.hstack([by_q[0], by_v[0]])
-        return MeanModes.of(plant, self._mean_state_matrix(plant, variation), varying, self.options.tol)
+        assert variation.weights is not None
+        sizes = variation.amplitudes.sum(axis=0)
+        rows, columns = (np.unique(places[sizes > 0.0]) for places in self._linearised.places)
+        key = b"".join(part.tobytes() for part in (*plant, rows, columns, variation.mean[sizes == 0.0]))
+        known = None if near is None else near.constant_part
+        if known is not None and known.key == key:
+            moved = np.abs(variation.mean - known.entries) * variation.weights
+            if moved.max() <= _MOVED * (sizes * variation.weights).max():
+                return known
+        state_matrix = self._mean_state_matrix(plant, variation)
+        modes = Modes.of(plant, state_matrix, rows, columns, self.options.tol)
+        return None if modes is None else ConstantPart(modes, variation.mean, key)
 
     def _mean_state_matrix(self, plant: Plant, variation: Variation) -> Array:
         by_q, by_v = self._linearised.matrices(variation.mean[None])
@@ -206,39 +232,6 @@ class FloquetEvaluator:
         phase = 0.4 * self.options.nodes * (self.options.tol / 1e-6) ** (0.5 / self.options.nodes)
         return float(min(period * frequency / phase, self.options.max_intervals))
 
-    def _on_mesh(self, step_maps: StepMaps | ExponentialMaps, at: NodeValues, intervals: int, repeats: int) -> _OnMesh:
-        maps, log_determinant = [], 0.0
-        with np.errstate(over="ignore", invalid="ignore"):
-            for first in range(0, intervals, step_maps.batch):
-                last = min(first + step_maps.batch, intervals)
-                steps = step_maps(*self._linearised.matrices(at(intervals, first, last)))
-                log_determinant += float(np.linalg.slogdet(steps)[1].sum())
-                maps.append(product(steps, 8 * (last - first) // intervals + 1))
-            joined = np.concatenate(maps)
-            multipliers = spectrum(joined) ** repeats
-        return _OnMesh(_finite(multipliers), joined, log_determinant, intervals)
-
-    def _on_graded(
-        self, plant: Plant, variation: Variation, period: float, intervals: int, deviation: float
-    ) -> _OnMesh:
-        nodes, limit = self.options.nodes, self.options.max_intervals
-        assert variation.entries is not None
-        assert variation.weights is not None
-        mesh = graded(variation.entries, intervals, nodes, tol=deviation, limit=limit, weights=variation.weights)
-        maps = np.empty((len(mesh.levels), self.system.n_state, self.system.n_state))
-        for level in np.unique(mesh.levels):
-            step_maps = StepMaps(plant, self._gauss, period / intervals / 2.0**level)
-            (places,) = np.nonzero(mesh.levels == level)
-            for first in range(0, places.size, step_maps.batch):
-                here = places[first : first + step_maps.batch]
-                at_nodes = mesh.entries[here].reshape(here.size * nodes, -1)
-                maps[here] = step_maps(*self._linearised.matrices(at_nodes))
-        with np.errstate(over="ignore", invalid="ignore"):
-            log_determinant = float(np.linalg.slogdet(maps)[1].sum())
-            joined = product(maps, 8)
-            multipliers = spectrum(joined)
-        return _OnMesh(_finite(multipliers), joined, log_determinant, len(maps), mesh.resolved)
-
     def _exact(self, matrix: Array, period: float) -> FloquetResult:
         """Return the result for constant coefficients."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -253,11 +246,6 @@ class FloquetEvaluator:
             next_intervals=0,
             options=self.options,
         )
-
-
-def _finite(multipliers: ComplexArray) -> ComplexArray:
-    """Return multipliers in order; where one overflows, all are infinite."""
-    return ordered(multipliers) if np.isfinite(multipliers).all() else np.full(len(multipliers), np.inf + 0j)
 
 
 @interrupts_kept()

@@ -8,6 +8,7 @@ import numpy as np
 
 from hbnlp.core.checks import real_number, whole_number
 from hbnlp.core.types import Array, ComplexArray
+from hbnlp.stability.modes import ConstantPart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,7 @@ class FloquetResult:
     period : float
     log_determinant : float
         Logarithm of the modulus of the monodromy matrix's determinant, summed over the step maps (no underflow). It may
-        be rough where modes decay within a step whose mean is integrated exactly.
+        be rough where modes decay within a step whose constant part is integrated exactly.
     error : float
         Estimate, on the safe side, of the largest error of the multipliers relative to max(1, abs(mu)).
     n_intervals : int
@@ -62,6 +63,8 @@ class FloquetResult:
     next_intervals : int
         Intervals that a neighbouring solution of the same period is expected to need.
     options : Floquet
+    constant_part : ConstantPart or None
+        The part of the equations that was integrated exactly, with its modes; a neighbouring solution begins with it.
     """
 
     multipliers: ComplexArray
@@ -72,6 +75,7 @@ class FloquetResult:
     n_intervals: int
     next_intervals: int
     options: Floquet
+    constant_part: ConstantPart | None = field(default=None, repr=False)
 
     @property
     def converged(self) -> bool:

@@ -6,10 +6,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hbnlp import System
-from hbnlp.stability import multipliers as module
-from hbnlp.stability.collocation import Gauss
-from hbnlp.stability.exponential import MeanModes, _integrals
+from hbnlp.stability.integrals import Polynomials
+from hbnlp.stability.modes import Modes
 from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.stability.result import Floquet
 from hbnlp.stability.spectra import distance
 
 N = 5
@@ -52,8 +52,8 @@ def integrated(system, x, omega):
 @pytest.mark.parametrize(("name", "omega", "damping"), [(n, 0.7, 0.02) for n in FORCES] + [("cubic", 0.3, 1e-3)])
 def test_few_varying_entries_beside_fast_modes_agree_with_integration(name, omega, damping, monkeypatch):
     used = []
-    make = MeanModes.of
-    monkeypatch.setattr(MeanModes, "of", lambda *a: used.append(make(*a)) or used[-1])
+    make = Modes.of
+    monkeypatch.setattr(Modes, "of", lambda *a: used.append(make(*a)) or used[-1])
     system = beam(FORCES[name], damping=damping)
     x = 0.3 * np.random.default_rng(1).normal(size=(N, 7))
     result = FloquetEvaluator(system, 1, 3)(x, [omega])
@@ -68,7 +68,7 @@ def test_it_is_plain_collocation_in_any_units(fastest, unit, monkeypatch):
     system = beam(FORCES["cubic"], fastest, damping=0.6, unit=unit)
     x = 0.3 / unit * np.random.default_rng(2).normal(size=(N, 7))
     result = FloquetEvaluator(system, 1, 3)(x, [0.8])
-    monkeypatch.setattr(module, "WORTH_MODES", np.inf)
+    monkeypatch.setattr(Modes, "of", lambda *a: None)
     plain = FloquetEvaluator(system, 1, 3)(x, [0.8])
     assert distance(result.multipliers, plain.multipliers) <= result.error + plain.error
     assert result.n_intervals < plain.n_intervals
@@ -81,7 +81,7 @@ def test_a_defective_mean_is_left_to_plain_collocation():
     x = 0.3 * np.random.default_rng(2).normal(size=(N, 7))
     evaluator = FloquetEvaluator(system, 1, 3)
     variation = evaluator._linearised.variation(x, np.array([0.8]))
-    assert evaluator._mean_modes(evaluator._linearised.plant(np.array([0.8])), variation) is None
+    assert evaluator._constant_part(evaluator._linearised.plant(np.array([0.8])), variation, None) is None
     assert evaluator(x, [0.8]).converged
 
 
@@ -89,5 +89,39 @@ def test_a_defective_mean_is_left_to_plain_collocation():
 def test_both_ways_to_integrate_meet(nodes):
     """On both sides of where sums by parts take over from quadrature, integrals are continuous."""
     z = 20.0 * np.exp(1j * np.linspace(0.5 * np.pi, np.pi, 7))
-    inside, outside = (_integrals(z * (1.0 + sign * 1e-12), Gauss.of(nodes))[1] for sign in (-1, 1))
+    inside, outside = (Polynomials.of(nodes).integrals(z * (1.0 + sign * 1e-12))[1] for sign in (-1, 1))
     np.testing.assert_allclose(inside, outside, atol=1e-11)
+
+
+@pytest.mark.parametrize("nodes", [3, 8])
+@pytest.mark.parametrize("tol", [1e-3, 1e-6])
+def test_one_mesh_tells_its_own_error(tol, nodes):
+    """Against plain collocation to a far smaller tolerance."""
+    for seed in range(4):
+        system = beam(FORCES["two entries"], fastest=(4.0, 15.0)[seed % 2], damping=0.01)
+        x = 0.4 * np.random.default_rng(seed).normal(size=(N, 7))
+        result = FloquetEvaluator(system, 1, 3, Floquet(tol=tol, nodes=nodes))(x, [0.6])
+        reference = FloquetEvaluator(system, 1, 3, Floquet(tol=1e-10))(x, [0.6])
+        assert result.constant_part is not None
+        assert result.converged
+        assert distance(result.multipliers, reference.multipliers) <= 2.0 * result.error + reference.error
+
+
+def test_a_neighbour_gives_its_modes_and_the_same_multipliers(monkeypatch):
+    system = beam(FORCES["cubic"])
+    x = 0.3 * np.random.default_rng(1).normal(size=(N, 7))
+    evaluator = FloquetEvaluator(system, 1, 3)
+    first = evaluator(x, [0.7])
+    alone = evaluator(1.05 * x, [0.72])
+    made = []
+    make = Modes.of
+    monkeypatch.setattr(Modes, "of", lambda *a: made.append(0) or make(*a))
+    beside = evaluator(1.05 * x, [0.72], near=first)
+    assert not made
+    assert beside.constant_part is first.constant_part
+    assert distance(beside.multipliers, alone.multipliers) <= beside.error + alone.error
+    x[:, 0] += 2.0
+    far = evaluator(x, [0.72], near=first)
+    assert made
+    assert far.constant_part is not first.constant_part
+    assert distance(far.multipliers, evaluator(x, [0.72]).multipliers) <= 2.0 * far.error

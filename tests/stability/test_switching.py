@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 import hbnlp
 from hbnlp.fourier import basis_derivatives
 from hbnlp.stability.grading import graded
+from hbnlp.stability.modes import Modes
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
 
@@ -112,3 +113,47 @@ def test_damping_that_varies_counts_in_every_unit_of_time():
         assert result.n_intervals == results[0].n_intervals
         np.testing.assert_allclose(result.multipliers, results[0].multipliers, atol=1e-9)
         assert result.multipliers.prod() == pytest.approx(liouville, abs=result.error)
+
+
+def coulomb(width, n_harmonics, omega, amplitude):
+    """The result about a given motion with friction of a width, and the determinant by Liouville's formula."""
+    friction, damping = 0.05, 0.05
+    system = hbnlp.System(
+        [[1.0]],
+        [[damping]],
+        [[1.0]],
+        nonlinear_force=lambda q, v, tau, p: [0.3 * q[0] ** 3 + friction * ca.tanh(v[0] / width)],
+        forcing=lambda tau, p: [0.5 * ca.cos(tau)],
+    )
+    x = np.zeros((1, 2 * n_harmonics + 1))
+    x[0, 1:7] = amplitude * np.array([1.0, 0.3, 0.0, 0.0, 0.08, -0.05])
+    tau = 2.0 * np.pi * np.arange(400_000) / 400_000
+    velocity = omega * basis_derivatives(tau, 3) @ x[0, :7]
+    by_v = damping + friction / width / np.cosh(np.clip(velocity / width, -300.0, 300.0)) ** 2
+    result = FloquetEvaluator(system, 1, n_harmonics)(x, system.parameters.ordered({"omega": omega}))
+    return result, np.exp(-by_v.mean() * 2.0 * np.pi / omega)
+
+
+@pytest.mark.parametrize("modes", [True, False])
+@pytest.mark.parametrize("n_harmonics", [5, 13])
+@pytest.mark.parametrize("width", [0.003, 0.01, 0.03, 0.1, 0.3])
+def test_friction_of_any_width_is_within_its_estimate(width, n_harmonics, modes, monkeypatch):
+    """Also where its peak lies between all samples of the derivative, and on either kind of mesh."""
+    if not modes:
+        monkeypatch.setattr(Modes, "of", lambda *a: None)
+    for omega, amplitude in ((0.3, 3.0), (0.8, 1.0), (2.0, 1.0), (2.0, 0.05)):
+        result, determinant = coulomb(width, n_harmonics, omega, amplitude)
+        assert result.converged
+        assert abs(result.multipliers.prod() - determinant) <= 2.0 * result.error + 1e-10  # of the sum over samples
+
+
+def test_what_jumps_with_the_phase_alone_costs_no_graded_mesh():
+    """A load within the nonlinear force: it has no derivative, hence switches nothing."""
+    system = hbnlp.System(
+        [[1.0]], [[0.1]], [[1.0]], nonlinear_force=lambda q, v, tau, p: [q[0] ** 3 + ca.sign(ca.cos(tau + 0.1))]
+    )
+    x = np.array([[0.0, 0.4, 0.3, 0.0, 0.0]])
+    smooth = hbnlp.System([[1.0]], [[0.1]], [[1.0]], nonlinear_force=lambda q, v, tau, p: [q[0] ** 3])
+    results = [FloquetEvaluator(each, 1, 2)(x, [0.9]) for each in (system, smooth)]
+    assert results[0].n_intervals == results[1].n_intervals
+    np.testing.assert_allclose(results[0].multipliers, results[1].multipliers, atol=1e-12)
