@@ -93,8 +93,7 @@ class Detector:
         """Return the special points in a step; ``index`` is the number of the point before it."""
         found, evaluator = self._by_tangent_and_determinant(curve, before, after, index), self._evaluator
         if evaluator is not None:
-            self._earlier = self._samples(curve, before, before.arclength, evaluator)
-            found = [with_multiplier(point, evaluator) for point in found]
+            found = [with_multiplier(point, _with_harmonics_of(curve, evaluator)) for point in found]
             kinds = crossings(*(self._floquet(curve, point, evaluator) for point in (before, after)))
             for number, kind in enumerate(kinds):
                 which = kinds[:number].count(kind)
@@ -118,8 +117,31 @@ class Detector:
             found += [fold] if fold is not None else []
         if crossing is not None and not _is_multiple_fold(curve, crossing.y):
             found.append(_branch_point(curve, before, after, index))
-        self._crossing = crossing
         return found
+
+    def passed(self, curve: Equations, before: Point, after: Point) -> None:
+        """Take a step as made: the next one is seen beside it."""
+        self._crossing = after.branch_point
+        if self._evaluator is not None:
+            self._earlier = self._samples(curve, before, before.arclength, self._evaluator)
+
+    def turned(self) -> None:
+        """Forget the step before: the next one is on another curve, with other harmonics."""
+        self._earlier = None
+
+    def same(self, known: Point, other: Point) -> None:
+        """Take the multipliers of one point for another, in its place on a curve with fewer harmonics."""
+        self._known += [(other, result) for point, result in self._known if point is known]
+
+    def alike(self, known: Point, curve: Equations, other: Point) -> bool:
+        """Return whether a point, and another in its place on a curve, are on the same side of all special points."""
+        turned = known.tangent[-1] * other.tangent[-1] < 0.0
+        if turned or known.orientation != other.orientation:
+            return False
+        if self._evaluator is None:
+            return True
+        before = next((result for point, result in self._known if point is known), None)
+        return before is None or not crossings(before, self._floquet(curve, other, self._evaluator))
 
     def _samples(
         self, curve: Equations, point: Point, place: float, evaluator: FloquetEvaluator
@@ -131,7 +153,8 @@ class Detector:
             if known is point:
                 return result
         near = self._known[-1][1] if self._known else None
-        result = evaluator(curve.coefficients(point.y), curve.values(point.y), near=near)
+        own = _with_harmonics_of(curve, evaluator)
+        result = own(curve.coefficients(point.y), curve.values(point.y), near=near)
         self._known = [*self._known[-KEPT:], (point, result)]
         return result
 
@@ -167,6 +190,13 @@ class Detector:
             solution=curve.solution(located.y, residual=located.residual),
             multiplier=critical_multiplier(kind, at(located).multipliers),
         )
+
+
+def _with_harmonics_of(curve: Equations, evaluator: FloquetEvaluator) -> FloquetEvaluator:
+    """Return the evaluator for the motions of a curve, which may have other harmonics."""
+    if curve.problem.n_harmonics == evaluator.n_harmonics:
+        return evaluator
+    return FloquetEvaluator.of(curve.problem, evaluator.options)
 
 
 def _kernel(curve: Equations, y: Array) -> tuple[float, float]:

@@ -54,7 +54,7 @@ def locate_peak(
     whole_number("index", index, least=0)
     if bracket is not None:
         two_values("bracket", bracket, f"values of {name}")
-    values = problem.values(near.parameters)
+    values, problem = problem.values(near.parameters), problem.carrying(near.n_harmonics)
     squared = problem.amplitude_squared(output, harmonic)
     size = max(float(np.abs(near.harmonics(output)[harmonic])), TINY)
     found = minimise(
@@ -124,7 +124,7 @@ def peaks(
         "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the branch"
     )
     problem = problem or attached(branch, "pass the problem that it was traced with, problem=...")
-    whole_number("harmonic", harmonic, least=1, most=branch.n_harmonics, advice=", which are retained")
+    whole_number("harmonic", harmonic, least=1, most=int(branch.n_harmonics.max()), advice=", which are retained")
     amplitude = np.abs(branch.harmonics(output)[:, harmonic])
     if branch.closed:  # its last point is its first again: the one before stands ahead of the first
         amplitude = np.append(amplitude[-2], amplitude)

@@ -165,7 +165,7 @@ def _both_ways(
     sides = (back, ahead)
     for side, sign in ((ahead, 1.0), (back, -1.0)):
         start = start_point(curve, side.points[0], sign * curve.unknowns.fixing_last())
-        walk = Walk(curve, start, options, limits=spans[1], renew=lambda at, point: at.resampled(point.y))
+        walk = Walk(curve, start, options, limits=spans[1], judge=lambda at, _before, after: at.resampled(after.y))
         for before, after in _while_sampled(side, walk):
             event = _event(walk.curve, before, after, options.newton)
             side.events += [event] if event is not None else []

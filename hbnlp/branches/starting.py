@@ -82,7 +82,7 @@ def resumed_start(
     """
     _check_resumable(name, at, branch, stability)
     last = branch.solution(len(branch) - 1)
-    check_belongs(problem, last, what="branch", where="the last point of ")
+    check_belongs(problem.carrying(last.n_harmonics), last, what="branch", where="the last point of ")
     if len(branch) == 1:
         return fresh_start(problem, name, span, at=branch.parameters, start=last, direction=direction)
     curve, first = _first(problem, name, span, branch.parameters, last)
@@ -105,7 +105,10 @@ def _first(
     """Return the curve and its first point, which is solved for unless it is a solution already."""
     parameters = problem.system.parameters
     parameters.values(at, but=(name,))  # what is wrong with them is said here
-    x = guess_for(problem, start) if isinstance(start, Solution) else None
+    asked, x = problem, None
+    if isinstance(start, Solution):
+        problem = problem.carrying(start.n_harmonics * max(problem.periods // start.periods, 1))
+        x = guess_for(problem, start)
     its = parameters.of_start(start.parameters) if isinstance(start, Solution) else {}
     given = {name: span[0], **its, **(at or {})}
     values = problem.values(given)
@@ -113,7 +116,7 @@ def _first(
     if not low <= here <= high:
         raise ValueError(f"the start has {name} = {here:g}, outside the span {span}")
     if x is None or not _is_solution(problem, x, values):
-        found = solve(problem, at=given, start=start)
+        found = solve(asked, at=given, start=start)
         assert found.problem is not None
         problem, x = found.problem, found.coefficients.ravel()
     curve = along_parameter(problem, values, name, span=span, floor=_smallest_solution(problem, values, name, span, x))

@@ -18,7 +18,7 @@ import numpy as np
 from hbnlp.continuation.acceptance import REFUSED, accepted
 from hbnlp.continuation.curve import Curve
 from hbnlp.continuation.newton import Newton
-from hbnlp.continuation.point import Point, carried, finish
+from hbnlp.continuation.point import Point, finish
 from hbnlp.core.checks import instance_of, real_number, whole_number
 from hbnlp.core.types import Array
 
@@ -156,24 +156,10 @@ class Continuation(Generic[C]):
             self.step = verdict.length or 0.5 * self.step
         raise StopContinuation(reason)
 
-    def resume_on(self, curve: C) -> None:
-        """Go on from the last point along another curve, whose own point nearest to it is found first.
-
-        Raises
-        ------
-        StopContinuation
-            If there is none.
-        """
-        base = carried(self.point, self.curve, curve)
-        row = base.tangent / base.scale**2
-        fresh = dataclasses.replace(base, factors=None)
-        again = finish(curve, base.y, row, base, self.options.newton) or finish(
-            curve, base.y, row, fresh, self.options.newton
-        )
-        if again is None:
-            raise StopContinuation(Stop.STEP_TOO_SMALL)
-        self.point = dataclasses.replace(again, arclength=base.arclength)
-        self.curve, self._before, self._bend = curve, None, np.zeros_like(self.point.y)
+    def go_on(self, curve: C, point: Point) -> None:
+        """Go on along another curve from a point of it, nearest to one of the present curve."""
+        self.point, self.curve = point, curve
+        self._before, self._bend = None, np.zeros_like(point.y)
 
     def _trial(self, base: Point, step: float, limits: tuple[float, float] | None) -> Point | None:
         guess = base.y + step * base.tangent

@@ -26,7 +26,6 @@ from hbnlp.plot.arguments import axes, check_color, check_label, result
 if TYPE_CHECKING:
     from hbnlp.branches.branch import Branch
     from hbnlp.branches.fold_curves import FoldBranch
-    from hbnlp.branches.resolution import ResolvedBranch
     from hbnlp.sweeps.records import Sweep, TimeSweep
 
 STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
@@ -151,39 +150,6 @@ def plot_sweep(
             arrowprops={"arrowstyle": "->", "color": style["color"], "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0},
         )
     _finish(ax, sweep.name, output, harmonic, per, decibels)
-    return ax
-
-
-def plot_resolved(
-    resolved: ResolvedBranch,
-    output: str,
-    *,
-    ax: Axes | None = None,
-    harmonic: int = 1,
-    per: str | None = None,
-    decibels: bool = False,
-) -> Axes:
-    """Draw one harmonic of an output as `plot_branch` does, each point in the colour of its number of harmonics.
-
-    Points at which the tolerance was not met are crosses; those without a solution are left out.
-    """
-    result("resolved", resolved, "ResolvedBranch")
-    flag("decibels", decibels)
-    if not len(resolved):
-        raise ValueError(f"the resolved branch has no points to draw: {resolved.message}")
-    level = _level(resolved, output, harmonic, per, decibels)
-    ax = axes(ax)
-    ax.plot(resolved.parameter, level, color="0.6", linewidth=0.8, zorder=1)
-    numbers = resolved.n_harmonics
-    first, last = int(numbers.min()), int(numbers.max())
-    scale = ScalarMappable(Normalize(first - 0.5, last + 0.5), plt.get_cmap("viridis_r", last - first + 1))
-    for met, marker in ((resolved.reached, "o"), (~resolved.reached, "x")):
-        if met.any():
-            where, colours = (resolved.parameter[met], level[met]), scale.to_rgba(numbers[met])
-            ax.scatter(*where, color=colours, s=12, marker=marker, zorder=2)
-    ticks = range(first, last + 1, 1 + (last - first) // 8)
-    plt.colorbar(scale, ax=ax, label="number of harmonics", ticks=list(ticks))
-    _finish(ax, resolved.name, output, harmonic, per, decibels)
     return ax
 
 
