@@ -13,7 +13,6 @@ from hbnlp.branches.branch import Branch
 from hbnlp.branches.extrema import locate_peak, peaks
 from hbnlp.branches.fold_curves import FoldBranch
 from hbnlp.branches.following import follow
-
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracer import Tracer

@@ -83,7 +83,7 @@ def _check_special_points(branch: Branch) -> None:
         low, high = min(ends), max(ends)
         width = max(high - low, 1e-9 * abs(high))
         if point.kind is Kind.FOLD:
-            # the tolerance of the corrector: points may crowd at a fold; and of the harmonics, which may be others there
+            # the tolerance of the corrector, as points may crowd at a fold, and that of the harmonics, if they differ
             slack = max(1e-10, 0.0 if truncation is None else truncation.tolerance) * abs(high)
             beyond = point.value >= high - slack or point.value <= low + slack
             assert beyond, f"{point} is no extremum of its bracket"

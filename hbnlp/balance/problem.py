@@ -120,7 +120,9 @@ class HarmonicBalance:
             name, value = ("outputs", outputs) if outputs else ("most_harmonics", most_harmonics)
             raise TypeError(f"{name} is {value!r}, which goes with a tolerance; give tolerance=1e-4, or leave it out")
         if (n_harmonics is None) is (truncation is None):
-            given = "neither is given" if truncation is None else f"n_harmonics is {n_harmonics!r}, tolerance {tolerance!r}"
+            given = (
+                "neither is given" if truncation is None else f"n_harmonics is {n_harmonics!r}, tolerance {tolerance!r}"
+            )
             raise TypeError(f"{given}; give n_harmonics=7, the same for all solutions, or tolerance=1e-4")
         number = truncation.first if truncation is not None else n_harmonics
         assert number is not None
@@ -147,7 +149,7 @@ class HarmonicBalance:
         return self._with(self.sampling.with_harmonics(n_harmonics))
 
     def carrying(self, n_harmonics: int) -> HarmonicBalance:
-        """Return the balance for a solution with so many harmonics: its own, where there is a tolerance; or this one."""
+        """Return the balance for a solution of so many harmonics: its own where there is a tolerance, or this one."""
         return self if self.truncation is None else self.with_harmonics(n_harmonics)
 
     def oversampled(self) -> HarmonicBalance:
@@ -179,7 +181,7 @@ class HarmonicBalance:
         return problem
 
     def over_twice_the_period(self) -> HarmonicBalance:
-        """Return the balance of motions that repeat themselves half as often, with the same harmonics of the forcing."""
+        """Return the balance of motions over twice the period, with the same harmonics of the forcing."""
         sampling = Sampling.of(self.system, 2 * self.n_harmonics, 2 * self.periods)
         truncation = self.truncation.doubled() if self.truncation is not None else None
         return HarmonicBalance._of(self.system, sampling, truncation)
@@ -350,11 +352,7 @@ class HarmonicBalance:
 _RECEIVED: Kept[HarmonicBalance] = Kept(8)
 
 
-def _received(
-    system: System, original: Sampling, sampling: Sampling, truncation: Truncation | None
-) -> HarmonicBalance:
+def _received(system: System, original: Sampling, sampling: Sampling, truncation: Truncation | None) -> HarmonicBalance:
     """Return a balance that came from elsewhere: of a system received before, the one that is compiled already."""
-    origin = _RECEIVED.get(
-        (system, original, truncation), lambda: HarmonicBalance._of(system, original, truncation)
-    )
+    origin = _RECEIVED.get((system, original, truncation), lambda: HarmonicBalance._of(system, original, truncation))
     return origin._with(sampling)

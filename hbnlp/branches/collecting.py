@@ -122,8 +122,8 @@ def _columns(records: Sequence[Traced], problem: HarmonicBalance) -> dict[str, A
     values = np.array([record.curve.values(record.point.y) for record in records])
     for number in np.unique(numbers):
         rows = np.flatnonzero(numbers == number)
-        own = records[rows[-1]].curve.problem
-        x = np.array([records[row].curve.unknowns.coefficients(records[row].point.y) for row in rows])
+        own = records[int(rows[-1])].curve.problem
+        x = np.array([one.curve.unknowns.coefficients(one.point.y) for one in (records[int(row)] for row in rows)])
         coefficients[rows, :, : n_coefficients(number)] = x.reshape(-1, *own.shape)
         amplitudes[rows, :, : number + 1] = own.output_harmonics(x, values[rows])
     results = [record.floquet for record in records if record.floquet is not None]

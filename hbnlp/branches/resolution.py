@@ -14,6 +14,7 @@ from hbnlp.branches.starting import Start
 from hbnlp.continuation.acceptance import accepted
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.continuation.point import Point, corrected, finish
+from hbnlp.core.types import Array
 from hbnlp.solutions.accuracy import Accuracy
 from hbnlp.solutions.equations import Equations
 
@@ -62,9 +63,9 @@ class Resolution:
             finer = self.finer(curve, point)
         return begin._replace(curve=curve, point=point, origin=point)
 
-    def see(self, curve: Equations, point: Point) -> None:
+    def see(self, curve: Equations, y: Array) -> None:
         """Take a point as one of the branch."""
-        self._accuracy.see(curve, point.y)
+        self._accuracy.see(curve, y)
 
     def error(self, curve: Equations, point: Point) -> float:
         """Return the estimated error of a point of the branch."""
@@ -96,7 +97,13 @@ class Resolution:
         return None
 
     def settled(
-        self, curve: Equations, before: Point, after: Point, found: tuple[SpecialPoint, ...], detect: Detect, on: OnOther
+        self,
+        curve: Equations,
+        before: Point,
+        after: Point,
+        found: tuple[SpecialPoint, ...],
+        detect: Detect,
+        on: OnOther,
     ) -> tuple[SpecialPoint, ...] | Equations:
         """Return the special points of a step with as many harmonics as it takes until they stay, or a finer curve.
 
@@ -113,7 +120,12 @@ class Resolution:
             if better is None or [point.kind for point in better] != [point.kind for point in found]:
                 logger.info(
                     "%s near %s = %.8g with %d harmonics, %s with %d: the step is made again",
-                    _words(found), curve.name, after.value, curve.problem.n_harmonics, _words(better or ()), more,
+                    _words(found),
+                    curve.name,
+                    after.value,
+                    curve.problem.n_harmonics,
+                    _words(better or ()),
+                    more,
                 )
                 return finer
             assert step is not None

@@ -226,7 +226,7 @@ class Tracer(StaysHere):
         floquet = self._detector.multipliers(curve, point)
         error = None
         if self._resolution is not None:
-            self._resolution.see(curve, point)
+            self._resolution.see(curve, point.y)
             error = self._resolution.error(curve, point)
         self._records.append(
             Traced(point=point, curve=curve, floquet=floquet, special_points=special_points, truncation_error=error)

@@ -10,11 +10,8 @@ import itertools
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from hbnlp.core.checks import flag, list_of, whole_number

@@ -83,7 +83,7 @@ class Accuracy:
     def difference(self, curve: Equations, one: Array, other: Array) -> float:
         """Return how far two points of a curve are apart, measured as errors are."""
         apart = np.linalg.norm(curve.coefficients(one - other), axis=1) / self._sizes(curve, other)
-        return max(float(apart.max()), abs(one[-1] - other[-1]) / float(curve.scale(other)[-1]))
+        return max(float(apart.max()), float(abs(one[-1] - other[-1]) / curve.scale(other)[-1]))
 
     def _error(self, curve: Equations, y: Array, estimate: Estimate) -> float:
         change = np.linalg.norm(estimate.coefficients, axis=1) / self._sizes(curve, y)
@@ -102,9 +102,7 @@ class Accuracy:
     def _sizes(self, curve: Equations, y: Array) -> Array:
         """Return by what the error of each displacement is measured, (n_dof,)."""
         own = np.linalg.norm(curve.coefficients(y), axis=1)
-        return np.asarray(
-            np.maximum(np.maximum(own, NEAR_REST * self._largest), NOTHING * curve.unknowns.size_of(y))
-        )
+        return np.asarray(np.maximum(np.maximum(own, NEAR_REST * self._largest), NOTHING * curve.unknowns.size_of(y)))
 
     def _harmonics(self, curve: Equations, y: Array) -> Array:
         amplitudes = curve.problem.output_harmonics(curve.unknowns.coefficients(y), curve.values(y))

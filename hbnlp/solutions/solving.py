@@ -81,7 +81,9 @@ def solve(
     else:
         solution = cold_start(problem, values, method)
         policy = problem.truncation
-        while not solution.converged and policy is not None and problem.n_harmonics < policy.above(MANY * policy.periods):
+        while (
+            not solution.converged and policy is not None and problem.n_harmonics < policy.above(MANY * policy.periods)
+        ):
             # a motion need not show with few harmonics
             problem = problem.with_harmonics(policy.above(2 * problem.n_harmonics))
             solution = cold_start(problem, values, method)
