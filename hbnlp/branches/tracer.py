@@ -40,6 +40,7 @@ _ENDS = {
     Stop.MAX_POINTS: End.MAX_POINTS,
     Stop.STEP_TOO_SMALL: End.STEP_TOO_SMALL,
     Stop.JUMP: End.JUMP,
+    Stop.UNBOUNDED: End.UNBOUNDED,
 }
 
 
