@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import textwrap
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -108,9 +109,7 @@ def load_arrays(
     file_name("path", path)
     source = Path(path)
     with refused_as_unreadable(source, kind):
-        irregular = kind_of_irregular(source.stat().st_mode)
-        if irregular is not None:
-            raise ValueError(f"that is {irregular}")
+        refuse_irregular(source)
         with source.open("rb") as handle, zipfile.ZipFile(handle) as archive:
             arrays = _read(archive, source.stat().st_size)
         if plain and _METADATA not in arrays:
@@ -130,6 +129,13 @@ def load_arrays(
     if listed != sorted(arrays):
         raise LoadError(f"{str(source)!r} holds the arrays {sorted(arrays)}, but should hold {listed}; it is damaged")
     return arrays, metadata
+
+
+def refuse_irregular(source: Path) -> None:
+    """Raise a ValueError if a name is that of a folder, a device or a pipe, of which reading might never end."""
+    irregular = kind_of_irregular(source.stat().st_mode)
+    if irregular is not None:
+        raise ValueError(f"that is {irregular}")
 
 
 @contextmanager
@@ -187,12 +193,20 @@ def _check_size(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
 
 
 def as_text(metadata: Mapping[str, Any]) -> str:
-    """Return metadata as the JSON that is written."""
-    return json.dumps(metadata, default=_number)
+    """Return metadata as the JSON that is written, or raise the TypeError that names the entry that cannot be."""
+    try:
+        return json.dumps(metadata, default=_number)
+    except (TypeError, ValueError, RecursionError) as error:  # the latter two of what holds itself
+        for name, value in metadata.items():
+            try:
+                json.dumps(value, default=_number)
+            except (TypeError, ValueError, RecursionError):
+                raise TypeError(f"{name} is not what JSON can write: {error}; give numbers, texts and lists") from error
+        raise
 
 
 def _number(value: Any) -> Any:
     """Return a number of NumPy as one that JSON can write."""
     if isinstance(value, np.generic):
         return value.item()
-    raise TypeError(f"{value!r} is nothing that JSON can write")
+    raise TypeError(f"{textwrap.shorten(repr(value), 80)} is neither number, text, list nor mapping")

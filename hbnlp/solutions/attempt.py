@@ -62,11 +62,20 @@ def _sampled(
     correction = iterate(problem, guess, values, method)
     try:
         while correction.converged and not problem.samples_suffice(correction.y, values):
+            problem.check_doubling(correction.y, values)
             problem = problem.oversampled()
             correction = iterate(problem, correction.y, values, method)
     except SamplingError as error:
         correction = dataclasses.replace(correction, converged=False, reason=f"{ROUGH}, {error}")
     return problem, correction
+
+
+def meets_a_corner(failed: Solution) -> bool:
+    """Return whether a motion that an attempt ended at meets a corner of the force, of which no samples are enough."""
+    problem = failed.problem
+    if problem is None or problem.samples_are_settled:
+        return False
+    return problem.corner(failed.coefficients.ravel(), problem.values(failed.parameters)) is not None
 
 
 def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Method) -> Correction:

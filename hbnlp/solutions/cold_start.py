@@ -11,10 +11,13 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.types import Array
-from hbnlp.solutions.attempt import ROUGH, Method, attempt
+from hbnlp.solutions.attempt import ROUGH, Method, attempt, meets_a_corner
 from hbnlp.solutions.homotopy import from_linear_system
 from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.solutions.solution import Solution
+
+PATIENCE = 50
+"""Iterations of IPOPT where the force has corners: it converges soon then, to a motion beside them, or not at all."""
 
 
 def linear_guess(problem: HarmonicBalance, values: Array) -> Array:
@@ -63,7 +66,9 @@ def cold_start(problem: HarmonicBalance, values: Array, method: Method) -> Solut
         singular, starts = error, _beside_rest(problem, values, method)
     failed: list[Solution] = []
     for guess, by, start in starts:
-        solution = attempt(problem, values, guess, by, start=start)
+        at_corners = isinstance(by, Ipopt) and by is not method and any(map(meets_a_corner, failed))
+        patient = Ipopt(max_iterations=PATIENCE) if at_corners else by
+        solution = attempt(problem, values, guess, patient, start=start)
         if solution.converged:
             return solution
         failed.append(solution)
