@@ -104,12 +104,12 @@ def _first(
 ) -> tuple[Equations, Array]:
     """Return the curve and its first point, which is solved for unless it is a solution already."""
     parameters = problem.system.parameters
+    parameters.values(at, but=parameters.names)  # what is wrong with them is said here
     asked, x = problem, None
     if isinstance(start, Solution):
         problem = problem.carrying(start.n_harmonics * max(problem.periods // start.periods, 1))
         x = guess_for(problem, start)
     its = parameters.of_start(start.parameters) if isinstance(start, Solution) else {}
-    parameters.values({**its, **(at or {})}, but=(name,))  # what is wrong with them is said here
     given = {name: span[0], **its, **(at or {})}
     values = problem.values(given)
     here, (low, high) = float(values[parameters.index(name)]), sorted(span)
