@@ -20,7 +20,12 @@ UNKNOWN = float("inf")
 
 
 def relative_change(before: Array | ComplexArray, after: Array | ComplexArray) -> float:
-    """Return the change of coefficients or amplitudes, relative to the larger of the two."""
+    """Return the change of coefficients or amplitudes, relative to the larger of the two.
+
+    Zeros stand for the harmonics that only one of them has.
+    """
+    most = max(before.shape[-1], after.shape[-1])
+    before, after = (np.pad(each, [(0, 0), (0, most - each.shape[-1])]) for each in (before, after))
     size = max(float(np.linalg.norm(before)), float(np.linalg.norm(after)), TINY)
     return float(np.linalg.norm(after - before)) / size
 
