@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,17 +20,22 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
-from hbnlp.solutions.attempt import attempt
+from hbnlp.solutions.accuracy import problem_and_guess
+from hbnlp.solutions.attempt import attempt, iterate
 from hbnlp.solutions.cold_start import linear_guess, linear_size
 from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.identity import meets, moved, without_turns
-from hbnlp.solutions.solution import Solution, guess_for
+from hbnlp.solutions.solution import Solution, attached, guess_for
 from hbnlp.solutions.solving import solve
 from hbnlp.systems.symmetry import Symmetry
 
 REST = 1e-6
 """Solutions are told apart relative to their size, or to this part of the largest: Newton's method ends near rest."""
+MODEST = 5
+"""Harmonics of the forcing's frequency with which solutions are looked for where a tolerance says how many they get."""
+WITHIN = 10.0
+"""Solutions nearer to each other than this multiple of the tolerance are compared with the same number of harmonics."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +101,9 @@ def find_all(
     Solutions are told apart as motions, by `same_motion`: shifts by whole forcing periods and turns of angles by 2 pi
     count once, the means of angles lying in (-pi, pi].
 
+    With a tolerance the search is made with five harmonics of the forcing's frequency, and each solution that it comes
+    to then has as many as it needs.
+
     Parameters
     ----------
     problem : HarmonicBalance
@@ -157,24 +165,24 @@ def _attempts(
 ) -> Iterator[Report]:
     """Add to what is found: around the known solutions and a cold start, then from one random start after another."""
     for solution in known:
-        motions.polish(guess_for(problem, solution), "known")
+        motions.polish(solution, "known")
     with contextlib.suppress(ConvergenceError, NonFiniteError):
         motions.add(solve(problem, at=at))
-    reference = motions.largest
+    reference, searched = motions.largest, motions.searched
     visited = 0
     for start in range(options.n_starts + 1):
         if start > 0:
-            _run(problem, values, _random(problem, reference, options, rng), motions, options, "random start")
+            _run(_random(searched, reference, options, rng), motions, options, "random start")
         while visited < len(motions.found):
-            vector = problem.vector(motions.found[visited].coefficients)
+            vector = motions.roots[visited]
             if not motions.is_image[visited]:
-                for crossing in _crossings_of_load(problem, values, vector, options):
+                for crossing in _crossings_of_load(searched, values, vector, options):
                     motions.polish(crossing, "varied load")
             visited += 1
-            for _ in range(options.n_deflated * problem.periods):
+            for _ in range(options.n_deflated * searched.periods):
                 nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
                 near = vector + nudge / np.sqrt(vector.size)
-                _run(problem, values, near, motions, options, "deflation")
+                _run(near, motions, options, "deflation")
         yield Report(start, start / max(options.n_starts, 1), {"solutions": len(motions.found)})
 
 
@@ -183,15 +191,24 @@ class _Motions:
 
     Attributes
     ----------
+    searched : HarmonicBalance
+        The balance with which motions are looked for.
+    values : array (n_parameters,)
     found : list of Solution
     is_image : list of bool
         Whether each of them was made instead of found: whatever is traced from it is an image, too.
+    roots : list of array (size,)
+        Each of them as the balance that is searched with has it.
     """
 
     def __init__(self, problem: HarmonicBalance, values: Array, options: Search) -> None:
         self.found: list[Solution] = []
         self.is_image: list[bool] = []
-        self._problem, self._values, self._options = problem, values, options
+        self.roots: list[Array] = []
+        self._spurious: list[Array] = []
+        self._problem, self.values, self._options = problem, values, options
+        policy = problem.truncation
+        self.searched = problem if policy is None else problem.with_harmonics(policy.above(MODEST * policy.periods))
         self._identity = Symmetry.identity(problem.system.n_dof)
         self._symmetries = problem.system.symmetries_at(values)
         self._least = linear_size(problem, values)
@@ -201,9 +218,21 @@ class _Motions:
         """Size of the largest solution, or of the linear response; 1 where all is at rest."""
         return max([self._least, *(float(np.linalg.norm(s.coefficients)) for s in self.found)]) or 1.0
 
-    def polish(self, guess: Array, start: str) -> None:
-        """Add what Newton's method makes of a guess; ``start`` says where it is from."""
-        self.add(attempt(self._problem, self._values, guess, self._options.newton, start=start))
+    def polish(self, near: Solution | Array, start: str) -> None:
+        """Add what Newton's method makes of a solution, or of unknowns of the balance that is searched with.
+
+        ``start`` says where they are from.
+        """
+        given = near if isinstance(near, Solution) else near.reshape(self.searched.shape)
+        problem, guess = problem_and_guess(self._problem, given)
+        self.add(attempt(problem, self.values, guess, self._options.newton, start=start))
+
+    def polish_root(self, root: Array, start: str) -> None:
+        """Add what Newton's method makes of a root of the balance that is searched with: from now on it is known."""
+        n_found = len(self.found)
+        self.polish(root, start)
+        if len(self.found) == n_found and self._problem.truncation is not None:
+            self._spurious.append(root)  # with more harmonics it is no motion, or one that is known
 
     def add(self, solution: Solution) -> None:
         """Add a motion and its images, unless it did not converge or is known."""
@@ -220,14 +249,15 @@ class _Motions:
             solution = solution.with_coefficients(without_turns(solution.coefficients, angles))
         self.found.append(solution)
         self.is_image.append(is_image)
+        self.roots.append(self._with_harmonics(self.searched, solution))
 
     def poles(self) -> list[Array]:
         """Return the vectors from which deflation leads away: all motions, as they look from any forcing period."""
         poles = []
-        for solution in self.found:
+        for root in (*self.roots, *self._spurious):
             seen: list[Array] = []
             for k in range(self._problem.periods):
-                x = moved(solution.coefficients, self._identity, solution.periods, later=k).ravel()
+                x = moved(root.reshape(self.searched.shape), self._identity, self._problem.periods, later=k).ravel()
                 # a motion of fewer periods is there once: two poles in one place would push twice as far
                 if all(np.linalg.norm(x - other) > self._options.separation * np.linalg.norm(x) for other in seen):
                     seen.append(x)
@@ -235,14 +265,37 @@ class _Motions:
         return poles
 
     def _is_known(self, solution: Solution) -> bool:
-        floor, tol = REST * self.largest, self._options.separation
-        return any(meets(solution, other, self._identity, tol, floor=floor) for other in self.found)
+        return any(self._are_one(solution, other) for other in self.found)
+
+    def _are_one(self, one: Solution, other: Solution) -> bool:
+        """Return whether two solutions are one motion; they are compared with the same number of harmonics."""
+        floor, tol, policy = REST * self.largest, self._options.separation, self._problem.truncation
+        if meets(one, other, self._identity, tol, floor=floor):
+            return True
+        if policy is None or not meets(one, other, self._identity, max(tol, WITHIN * policy.tolerance), floor=floor):
+            return False
+        fewer, more = sorted((one, other), key=lambda solution: solution.n_harmonics)
+        if fewer.n_harmonics == more.n_harmonics:
+            return False
+        x = self._with_harmonics(attached(more), fewer)
+        return meets(
+            more, replace(more, coefficients=x.reshape(more.coefficients.shape)), self._identity, tol, floor=floor
+        )
+
+    def _with_harmonics(self, problem: HarmonicBalance, solution: Solution) -> Array:
+        """Return the unknowns of a solution with the harmonics of a balance, its own cut where there is none."""
+        guess = guess_for(problem, solution)
+        if problem.n_harmonics == solution.n_harmonics:
+            return guess
+        found = iterate(problem, guess, self.values, self._options.newton)
+        return found.y if found.converged else guess
 
 
-def _run(problem: HarmonicBalance, values: Array, start: Array, motions: _Motions, options: Search, how: str) -> None:
-    guess = deflated_newton(problem, values, start, motions.poles(), options.max_iterations)
-    if guess is not None:
-        motions.polish(guess, how)
+def _run(start: Array, motions: _Motions, options: Search, how: str) -> None:
+    searched = motions.searched
+    root = deflated_newton(searched, motions.values, start, motions.poles(), options.max_iterations)
+    if root is not None:
+        motions.polish_root(root, how)
 
 
 def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, options: Search) -> list[Array]:

@@ -165,7 +165,7 @@ class NewtonMarch:
         problem, rows = self._problem, self._rows
         numbers = np.array([problem.n_harmonics if s is None else s.n_harmonics for s in rows], dtype=int)
         errors = np.array([np.nan if s is None else s.statistics.get("truncation_error", np.nan) for s in rows])
-        most, n_outputs = int(numbers.max(initial=1)), len(problem.system.output_names)
+        most, n_outputs = int(max(numbers, default=problem.n_harmonics)), len(problem.system.output_names)
         coefficients = np.full((len(rows), problem.system.n_dof, n_coefficients(most)), np.nan)
         amplitudes = np.full((len(rows), n_outputs, most + 1), np.nan + 0j)
         for i, row in enumerate(rows):

@@ -25,9 +25,9 @@ def relative_change(before: Array | ComplexArray, after: Array | ComplexArray) -
     Zeros stand for the harmonics that only one of them has.
     """
     most = max(before.shape[-1], after.shape[-1])
-    before, after = (np.pad(each, [(0, 0), (0, most - each.shape[-1])]) for each in (before, after))
-    size = max(float(np.linalg.norm(before)), float(np.linalg.norm(after)), TINY)
-    return float(np.linalg.norm(after - before)) / size
+    one, other = (np.pad(each, [(0, 0), (0, most - each.shape[-1])]) for each in (before, after))
+    size = max(float(np.linalg.norm(one)), float(np.linalg.norm(other)), TINY)
+    return float(np.linalg.norm(other - one)) / size
 
 
 def is_suspicious(change: float, last_change: float) -> bool:
