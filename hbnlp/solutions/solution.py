@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import finite_array, position, refused
+from hbnlp.core.checks import finite_array, instance_of, position, refused
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
 from hbnlp.core.types import Array, ComplexArray
@@ -138,14 +138,15 @@ class Solution:
         return replace(self, coefficients=coefficients, amplitudes=amplitudes)
 
     def __call__(self, expression: ca.MX) -> Array:
-        """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``.
+        """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``, those of the solution's problem.
 
         Raises
         ------
         ValueError
-            If the solution came from a file, without its problem.
+            If the solution came from a file, without its problem, or for an expression of another problem's symbols.
         """
         problem = attached(self)
+        instance_of("expression", expression, ca.MX, "an expression of solution.problem.x and solution.problem.p")
         function = _function(problem, expression)
         return np.asarray(function(self.coefficients.ravel(), problem.values(self.parameters)).full().squeeze())
 
@@ -170,6 +171,13 @@ class Solution:
 
 @by_one_thread
 def _function(problem: HarmonicBalance, expression: ca.MX) -> ca.Function:
+    own = {hash(symbol) for symbol in (problem.x, problem.p)}
+    for symbol in ca.symvar(expression):
+        if hash(symbol) not in own:
+            raise ValueError(
+                f"the expression has the symbol {symbol} of another problem, with other harmonics or samples: write it "
+                "with solution.problem.x and solution.problem.p"
+            )
     return ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
 
 
