@@ -61,13 +61,15 @@ def locate_peak(
     if bracket is not None:
         two_values("bracket", bracket, f"values of {name}")
     values, problem = problem.values(near.parameters), problem.carrying(near.n_harmonics)
-    size = max(float(np.abs(near.harmonics(output)[harmonic])), TINY)
     bounds = None if bracket is None else [(min(bracket), max(bracket))]
     accuracy = Accuracy(problem) if problem.truncation is not None else None
     guess, error = problem.vector(near.coefficients), None
     while True:
-        objective = -problem.amplitude_squared(output, harmonic) / size**2
-        found = minimise(problem, objective, guess, values, free=[name], method=method or Ipopt(), bounds=bounds)
+        squared = problem.amplitude_squared(output, harmonic)
+        size = max(float(np.abs(near.harmonics(output)[harmonic])), TINY)
+        found = minimise(
+            problem, -squared / size**2, guess, values, free=[name], method=method or Ipopt(), bounds=bounds
+        )
         if accuracy is None or not found.success:
             break
         error, wanted, better = _judged(accuracy, problem, name, found.x, found.values)
