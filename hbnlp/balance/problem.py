@@ -144,7 +144,7 @@ class HarmonicBalance:
     def with_harmonics(self, n_harmonics: int) -> HarmonicBalance:
         """Return the balance of the same system with another number of harmonics (always the same, built once).
 
-        Where the number of samples was given, or had to be raised, there are no fewer, nor fewer a harmonic.
+        Where the number of samples was given, or had to be raised, there are no fewer.
         """
         return self._with(self.sampling.with_harmonics(n_harmonics))
 

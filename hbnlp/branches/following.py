@@ -128,6 +128,7 @@ def follow(
             events=tuple(fold.event for fold in folds if fold.event is not None),
             ends=(_end(back, ending, problem), _end(ahead, ending, problem)),
             parameters=others,
+            output_names=problem.system.output_names,
             periods=problem.periods,
             problem=problem,
         )
