@@ -181,7 +181,8 @@ class _Run:
         self._searched = self._place = state.searched
         for i in state.order[: state.searched]:
             self._motions.take(before[i], is_image=state.images[i])
-        self._motions.spurious, self._n_spurious = list(state.spurious), len(state.spurious)
+        self._motions.spurious = [np.array(root) for root in state.spurious]
+        self._n_spurious = len(state.spurious)
         self._late = [before[i] for i in state.order[state.searched :]]
 
     def steps(self) -> Iterator[Report]:
@@ -255,7 +256,7 @@ class _Run:
                 searched=self._searched,
                 scale=self._scale,
                 generator=self._generator,
-                spurious=tuple(motions.spurious[: self._n_spurious]),
+                spurious=tuple(tuple(root.tolist()) for root in motions.spurious[: self._n_spurious]),
             ),
             problem=problem,
         )

@@ -27,7 +27,6 @@ from hbnlp.core.layout import (
     whole,
 )
 from hbnlp.core.records import loaded, save_record
-from hbnlp.core.types import Array
 from hbnlp.fourier import n_coefficients, padded, resize
 from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
 from hbnlp.solutions.solution import Solution, with_problem
@@ -55,7 +54,7 @@ class SearchState:
         Size that the amplitudes of random starts are relative to; None before the first start was over.
     generator : mapping
         Where the generator of random numbers is.
-    spurious : tuple of array
+    spurious : tuple of tuple of float
         With a tolerance: unknowns of the balance that is searched with at which it is balanced, but which are none of
         the solutions: it keeps away from them as well.
     """
@@ -65,7 +64,7 @@ class SearchState:
     searched: int
     scale: float | None
     generator: Mapping[str, Any]
-    spurious: tuple[Array, ...] = ()
+    spurious: tuple[tuple[float, ...], ...] = ()
 
 
 @final
@@ -245,6 +244,6 @@ def _unpacked(content: dict[str, Any]) -> dict[str, Any]:
         searched=searched,
         scale=scale,
         generator=generator,
-        spurious=() if spurious is None else tuple(spurious),
+        spurious=() if spurious is None else tuple(tuple(root.tolist()) for root in spurious),
     )
     return {**content, "solutions": solutions, "state": state}
