@@ -258,8 +258,7 @@ class Tracer(StaysHere):
         if resume is None:
             return self._resolution.start(begin, self.span)
         for solution in map(resume.solution, range(len(resume))):
-            assert solution.problem is not None
-            curve = begin.curve.on(solution.problem)
+            curve = begin.curve.on(begin.curve.problem.carrying(solution.n_harmonics))
             self._resolution.see(curve, curve.point(solution.coefficients, solution.parameters[self.name]))
         return begin
 
