@@ -102,6 +102,7 @@ def test_all_other_records_and_options_can_be_sent(problem, branch):
         solution,
         fold,
         hbnlp.floquet(solution),
+        hbnlp.find_all(problem, at={"omega": 0.8}, method=hbnlp.Search(n_starts=1)),
         hbnlp.follow(fold, "force", span=(0.15, 0.25)),
         hbnlp.trace(hbnlp.HarmonicBalance(problem.system, tolerance=1e-2), "omega", (0.5, 1.6), stability=None),
         hbnlp.sweep(problem, "omega", [0.6, 0.7]),

@@ -96,8 +96,8 @@ HARMLESS = {
 
 RESULTS = {
     *("Branch", "End", "FloquetResult", "FoldBranch", "FoldEvent", "Kind", "Progress", "ProgressBar"),
-    *("Solution", "SpecialPoint", "Status", "Sweep", "TimeResponse", "TimeSweep", "Optimum", "Response", "Identified"),
-    *("RationalFit", "Realisation", "History", "LinearResponse", "Snapshot", "StepResponse", "Structure"),
+    *("Solution", "SolutionSet", "SpecialPoint", "Status", "Sweep", "TimeResponse", "TimeSweep", "Optimum", "Response"),
+    *("Identified", "RationalFit", "Realisation", "History", "LinearResponse", "Snapshot", "StepResponse", "Structure"),
 }
 """What the package makes and users do not: not called themselves, though their methods are."""
 
@@ -207,6 +207,7 @@ def world():
     w.system = systems.duffing()
     w.problem = hbnlp.HarmonicBalance(w.system, 1)
     w.solution = hbnlp.solve(w.problem, at={"omega": 0.8})
+    w.found = hbnlp.find_all(w.problem, at={"omega": 0.8}, method=hbnlp.Search(n_starts=0, largest_load=0.0))
     w.branch = hbnlp.trace(w.problem, "omega", (0.9, 1.4), stability=None)
     w.fold = w.branch.folds[0]
     w.curve = hbnlp.follow(w.fold, "force", span=(0.17, 0.19))
@@ -295,8 +296,13 @@ def examples():
         },
         "Solution.displacement": {"self": w.solution, "t": 0.0},
         "Solution.harmonics": {"self": w.solution, "output": "x"},
+        "Solution.load": {"path": "no such file", "problem": None},
+        "Solution.save": {"self": w.solution, "path": "no such folder/file"},
         "Solution.signal": {"self": w.solution, "output": "x", "t": 0.0},
         "Solution.velocity": {"self": w.solution, "t": 0.0},
+        "SolutionSet.load": {"path": "no such file", "problem": None},
+        "SolutionSet.plot": {"self": w.found, "output": "x", "ax": None},
+        "SolutionSet.save": {"self": w.found, "path": "no such folder/file"},
         "Symmetry": {"matrix": [[-1.0]], "shift": np.pi, "name": "odd"},
         "Symmetry.identity": {"n_dof": 1},
         "System": {
@@ -312,6 +318,8 @@ def examples():
         "TimeResponse.all_harmonics": {"self": w.response, "n_harmonics": 1},
         "TimeResponse.displacement_harmonics": {"self": w.response, "n_harmonics": 1},
         "TimeResponse.harmonics": {"self": w.response, "output": "x", "n_harmonics": 1},
+        "TimeResponse.load": {"path": "no such file"},
+        "TimeResponse.save": {"self": w.response, "path": "no such folder/file"},
         "TimeResponse.signal": {"self": w.response, "output": "x"},
         "Tracer": {
             "subject": w.problem, "name": "omega", "span": (0.7, 0.8), "at": {"force": 0.18},
@@ -455,6 +463,7 @@ def examples():
         "plot.plot_lift_response": {"response": w.lifts, "ax": None},
         "plot.plot_loads": {"history": w.history, "ax": None},
         "plot.plot_rational_fit": {"fit": w.fit},
+        "plot.plot_solutions": {"found": w.found, "output": "x", "ax": None},
         "plot.plot_sweep": {
             "sweep": w.sweep, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False, "label": None,
         },

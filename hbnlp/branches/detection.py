@@ -125,10 +125,6 @@ class Detector:
         if self._evaluator is not None:
             self._earlier = self._samples(curve, before, before.arclength, self._evaluator)
 
-    def turned(self) -> None:
-        """Forget the step before: the next one is on another curve, with other harmonics."""
-        self._earlier = None
-
     def same(self, known: Point, other: Point) -> None:
         """Take the multipliers of one point for another, in its place on a curve with fewer harmonics."""
         self._known += [(other, result) for point, result in self._known if point is known]

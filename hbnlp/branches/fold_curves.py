@@ -13,7 +13,18 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.arclength import Stop
 from hbnlp.core.checks import instance_of, place
 from hbnlp.core.kinds import FoldEvent
-from hbnlp.core.layout import Column, Layout, counted_from_one, name_in, number, numbers_by_name, pair, table, text
+from hbnlp.core.layout import (
+    Column,
+    Layout,
+    counted_from_one,
+    name_in,
+    number,
+    numbers_by_name,
+    pair,
+    table,
+    text,
+    texts,
+)
 from hbnlp.core.records import loaded, save_record, values_of
 from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
@@ -34,11 +45,12 @@ _LAYOUT = Layout(
         "names": pair(text),
         "ends": pair(text),
         "parameters": numbers_by_name,
+        "output_names": texts,
         "periods": counted_from_one,
         "events": table(kind=name_in(FoldEvent), first=number, second=number),
     },
     lengths={"events": "events"},
-    defaults={"periods": 1},  # files of version 0.1 do not say how many
+    defaults={"output_names": (), "periods": 1},  # earlier files do not say which, those of version 0.1 how many
 )
 FIRST_SPAN, SECOND_SPAN = "end of the first span", "end of the second span"
 _COMPLETE = (FIRST_SPAN, SECOND_SPAN, Stop.CLOSED.value)
@@ -71,6 +83,8 @@ class FoldBranch:
         Why the curve ends, on either side.
     parameters : dict
         Values of the other parameters.
+    output_names : tuple of str
+        Those of the system; empty in a curve from a file that an earlier version wrote.
     periods : int
         Length of the motions in forcing periods.
     problem : HarmonicBalance or None
@@ -84,6 +98,7 @@ class FoldBranch:
     events: tuple[FoldCurvePoint, ...]
     ends: tuple[str, str]
     parameters: Mapping[str, float]
+    output_names: tuple[str, ...] = ()
     periods: int = 1
     problem: HarmonicBalance | None = field(default=None, repr=False)
 
@@ -117,13 +132,14 @@ class FoldBranch:
         return make_solution(problem, motion.coefficients.ravel(), problem.values(motion.parameters))
 
     def _motion(self, index: int) -> Solution:
-        """Return the motion at one fold without its outputs."""
+        """Return the motion at one fold with the names of its outputs alone."""
         own, other = self.names
+        n_harmonics = (self.coefficients.shape[2] - 1) // 2
         return Solution(
             coefficients=self.coefficients[index],
             parameters={**self.parameters, own: float(self.first[index]), other: float(self.second[index])},
-            amplitudes=np.zeros((0, (self.coefficients.shape[2] + 1) // 2), dtype=complex),
-            output_names=(),
+            amplitudes=np.full((len(self.output_names), n_harmonics + 1), np.nan + 0j),
+            output_names=self.output_names,
             periods=self.periods,
         )
 
@@ -176,7 +192,8 @@ class FoldBranch:
             )
             curve = cls(**content, problem=problem)
         if problem is not None:
-            check_belongs(problem, curve._motion(0), what="curve")
+            for index in {0, len(curve) - 1} if len(curve) else ():
+                check_belongs(problem, curve._motion(index), what="curve")
         return curve
 
     def __repr__(self) -> str:

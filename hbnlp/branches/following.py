@@ -113,6 +113,7 @@ def follow(
             events=(*back.events[::-1], *ahead.events),
             ends=(back.end or str(ending), ahead.end or str(ending)),
             parameters=others,
+            output_names=problem.system.output_names,
             periods=problem.periods,
             problem=problem,
         )

@@ -46,7 +46,7 @@ class Progress:
     done : bool
         Whether this is the last call.
     result : callable
-        Returns all so far, as the task itself will: a Branch, a Sweep, a list of solutions.
+        Returns all so far, as the task itself will: a Branch, a Sweep, a SolutionSet.
     """
 
     task: str
@@ -91,8 +91,8 @@ class ProgressBar:
 class Autosave:
     """Save the result to a file every ``seconds`` and at the end; a save that fails, for whatever reason, ends nothing.
 
-    That it failed is logged as a warning, once until a save succeeds; it is tried again when it is time. For all that
-    has a ``save``: branches, sweeps, fold curves and resolved branches.
+    That it failed is logged as a warning, once until a save succeeds; it is tried again when it is time. Whatever takes
+    callbacks returns a record that it can save.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, seconds: float = 30.0) -> None:
@@ -101,18 +101,10 @@ class Autosave:
         self.path = path
         self.seconds = seconds
         self._last = time.monotonic()
-        self._task = ""
         self._failing = False
 
     def __call__(self, progress: Progress) -> None:
         """Save if it is time."""
-        if progress.task != self._task:
-            if not hasattr(progress.result(), "save"):
-                kind = type(progress.result()).__name__
-                raise TypeError(
-                    f"{progress.task} results in a {kind}, which Autosave cannot write; save it when it is done"
-                )
-            self._task = progress.task
         if progress.done or time.monotonic() - self._last >= self.seconds:
             self._save(progress)
             self._last = time.monotonic()

@@ -7,6 +7,7 @@ from hbnlp.core.renamed import renamed_name
 from hbnlp.plot.aero import plot_lift_response, plot_rational_fit
 from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_fold_curve, plot_sweep
 from hbnlp.plot.flow import animate, plot_loads, plot_vorticity
+from hbnlp.plot.motions import plot_solutions
 
 __all__ = [
     "EVENT_MARKERS",
@@ -17,6 +18,7 @@ __all__ = [
     "plot_lift_response",
     "plot_loads",
     "plot_rational_fit",
+    "plot_solutions",
     "plot_sweep",
     "plot_vorticity",
 ]
