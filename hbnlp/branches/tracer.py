@@ -228,6 +228,8 @@ class Tracer(StaysHere):
         if self._resolution is not None:
             self._resolution.see(curve, point.y)
             error = self._resolution.error(curve, point)
+        if self._records:
+            self._records[-1] = _slim(self._records[-1])
         self._records.append(
             Traced(point=point, curve=curve, floquet=floquet, special_points=special_points, truncation_error=error)
         )
@@ -273,6 +275,11 @@ class Tracer(StaysHere):
         if not ca.depends_on(system.force, system.tau):
             with contextlib.suppress(NonFiniteError):  # a force that is singular at rest has no stability there
                 check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
+
+
+def _slim(record: Traced) -> Traced:
+    """Return a record without the factors at its point, which take far more memory than all else that is kept."""
+    return dataclasses.replace(record, point=dataclasses.replace(record.point, factors=None))
 
 
 def _problem_and_start(
