@@ -1,5 +1,7 @@
 """A sweep to a tolerance: each solution has its own number of harmonics, and jumps are those of many harmonics."""
 
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from hbnlp.systems.system import System
 
 OMEGAS = np.round(np.arange(0.2, 1.4, 0.02), 6)
 MANY = 21
+OLD = Path(__file__).parents[1] / "data" / "format_0" / "sweep.npz"
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +39,7 @@ def friction():
         nonlinear_force=lambda q, v, tau, p: [0.3 * ca.tanh(v[0] / 0.2)],
         forcing=lambda tau, p: [0.6 * ca.cos(tau)],
         parameters={"omega": 1.0},
-        outputs={"acceleration": lambda s: s.ddu[0]},
+        outputs={"acceleration": lambda s: s.a[0]},
     )
 
 
@@ -108,18 +111,14 @@ def test_files_hold_the_numbers_and_the_problem_must_have_them(up, tolerant, tmp
         Sweep.load(tmp_path / "up.npz", problem=HarmonicBalance(duffing(), 7))
 
 
-def test_of_a_fixed_number_all_have_it_and_files_from_before_load(tmp_path):
-    problem = HarmonicBalance(duffing(), 5)
-    result = sweep(problem, "omega", OMEGAS[:4])
+def test_of_a_fixed_number_all_have_it_and_files_from_before_load():
+    result = sweep(HarmonicBalance(duffing(), 5), "omega", OMEGAS[:4])
     assert result.n_harmonics.tolist() == [5] * 4
     assert result.truncation_error is None
-    result.save(tmp_path / "new.npz")
-    arrays = dict(np.load(tmp_path / "new.npz"))
-    del arrays["n_harmonics"]
-    np.savez(tmp_path / "old.npz", **arrays)
-    old = Sweep.load(tmp_path / "old.npz", problem=problem)
-    np.testing.assert_array_equal(old.n_harmonics, result.n_harmonics)
+    old = Sweep.load(OLD)
+    assert old.n_harmonics.tolist() == [3] * len(old)
     assert old.truncation_error is None
+    assert old.solution(0).n_harmonics == 3
 
 
 def test_a_sweep_that_was_stopped_is_gone_on_with_from_its_file(up, tolerant, tmp_path):
