@@ -69,6 +69,9 @@ class Detector:
         if evaluator is None or length <= SHORTEST:
             return None
         here, there = (self._spectrum(curve, point, evaluator) for point in (before, after))
+        earlier = self._earlier
+        if earlier is not None and earlier.place >= here.place:
+            earlier = None  # the step before is made again, so that this one begins where it began
         seen: dict[float, Point] = {}
 
         def look(place: float) -> ComplexArray | None:
@@ -79,9 +82,9 @@ class Detector:
                 seen[place] = point
             return self._floquet(curve, seen[place], evaluator).multipliers
 
-        place = _dip(self._earlier, here, there, look)
+        place = _dip(earlier, here, there, look)
         if place is None and all(self._floquet(curve, point, evaluator).converged for point in (before, after)):
-            place = hidden_crossing(self._earlier, here, there, look, evaluator.options.tol)
+            place = hidden_crossing(earlier, here, there, look, evaluator.options.tol)
         if place is None or place not in seen:
             return None
         return float(before.tangent / before.scale**2 @ (seen[place].y - before.y))
