@@ -2,9 +2,8 @@
 
 Each system is traced with a few numbers of harmonics. At points of the branches the estimate, of which the tolerance of
 a `HarmonicBalance` is a bound, is set beside the distance to the solution with many harmonics; both are taken in the
-plane normal to the branch, so that folds count, and relative to the size of the whole solution. Errors beyond a tenth or
-below
-1e-10 are left out. Run it from the root of the repository; a word runs the cases that hold it::
+plane normal to the branch, so that folds count, and relative to the size of the whole solution. Errors beyond a tenth
+or below 1e-10 are left out. Run it from the root of the repository; a word runs the cases that hold it::
 
     python benchmarks/truncation.py
     python benchmarks/truncation.py wing
