@@ -1,9 +1,9 @@
 """How right the estimated error of truncation is: beside the true one, along branches of several systems.
 
-Each system is traced with a few numbers of harmonics. At points of the branches the estimate, of which the tolerance of a
-`HarmonicBalance` is a bound, is set beside the distance to the solution with many harmonics; both are taken in the plane
-normal to the branch, so that folds count, and relative to the size of the whole solution. Errors beyond a tenth or below
-1e-10 are left out. Run it from the root of the repository; a word runs the cases that hold it::
+Each system is traced with a few numbers of harmonics. At points of the branches the estimate, of which the tolerance of
+a `HarmonicBalance` is a bound, is set beside the distance to the solution with many harmonics; both are taken in the
+plane normal to the branch, so that folds count, and relative to the size of the whole solution. Errors beyond a tenth
+or below 1e-10 are left out. Run it from the root of the repository; a word runs the cases that hold it::
 
     python benchmarks/truncation.py
     python benchmarks/truncation.py wing
@@ -60,7 +60,7 @@ def own(force: Callable[..., list[ca.SX]], damping: float) -> hbnlp.System:
     )
 
 
-def contact(q: ca.SX, v: ca.SX, tau: ca.SX, p: object) -> list[ca.SX]:
+def contact(q: ca.SX, _v: ca.SX, _tau: ca.SX, _p: object) -> list[ca.SX]:
     """Return the force of a spring beyond a gap of 0.5, its corner rounded over 0.1."""
     return [(q[0] - 0.5) + ca.sqrt((q[0] - 0.5) ** 2 + 0.1**2)]
 

@@ -8,10 +8,10 @@ answer that. *Left:* a strongly forced Duffing oscillator, the estimate (lines) 
 harmonics), which it meets within a third where that is below a tenth. Superharmonic resonances below :math:`\omega = 1`
 need many harmonics, the main one few.
 
-*Right:* with a tolerance in the place of a number, ``HarmonicBalance(system, tolerance=1e-4)``, each point of a branch has
-as many harmonics as its estimated error asks for: the Duffing oscillator, through its folds, and the membrane wing of
-:doc:`../paper/figure_4_hysteresis`, whose higher modes resonate with the harmonics. The value of a fold is then as exact as
-the motion.
+*Right:* with a tolerance in the place of a number, ``HarmonicBalance(system, tolerance=1e-4)``, each point of a branch
+has as many harmonics as its estimated error asks for: the Duffing oscillator, through its folds, and the membrane wing
+of :doc:`../paper/figure_4_hysteresis`, whose higher modes resonate with the harmonics. The value of a fold is then as
+exact as the motion.
 """
 
 import numpy as np

@@ -49,8 +49,10 @@ def crossing_in(
         The sample at a place in between; None where it cannot be had: the place is then returned as if it were one.
     """
     length, inner = later.place - here.place, [here, later]
-    alone = earlier is None or earlier.place >= here.place
-    place = here.place + 0.5 * length if alone else _bottom((earlier, here, later), here, later)
+    if earlier is None or earlier.place >= here.place:
+        place: float | None = here.place + 0.5 * length
+    else:
+        place = _bottom((earlier, here, later), here, later)
     for _ in range(MOST_LOOKS):
         if place is None:
             return None
