@@ -100,7 +100,7 @@ def kind(request):
 
 
 def test_there_is_an_old_file_of_every_kind_of_record():
-    assert FILES.keys() == LOADERS.keys()
+    assert FILES.keys() == LOADERS.keys() | {"resolved_branch"}
     assert "format" not in parts(FILES["branch"])[1]
 
 
