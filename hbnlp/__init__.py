@@ -13,7 +13,6 @@ from hbnlp.branches.branch import Branch
 from hbnlp.branches.extrema import locate_peak, peaks
 from hbnlp.branches.fold_curves import FoldBranch
 from hbnlp.branches.following import follow
-from hbnlp.branches.resolution import ResolvedBranch, resolve_harmonics
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracer import Tracer
@@ -92,7 +91,6 @@ __all__ = [
     "ProgressBar",
     "PseudoArclength",
     "QuasiLinearMembrane",
-    "ResolvedBranch",
     "Rootfinder",
     "RungeKutta4",
     "SamplingError",
@@ -123,7 +121,6 @@ __all__ = [
     "membrane_wing",
     "peaks",
     "relation",
-    "resolve_harmonics",
     "same_motion",
     "solve",
     "stability_limits",

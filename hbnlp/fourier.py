@@ -92,6 +92,13 @@ def resize(coefficients: ArrayLike, n_harmonics: int) -> Array:
     return resized
 
 
+def padded(amplitudes: ComplexArray, n_harmonics: int) -> ComplexArray:
+    """Return complex amplitudes (..., H+1) with zeros for the harmonics up to ``n_harmonics`` that they do not have."""
+    result = np.zeros((*amplitudes.shape[:-1], n_harmonics + 1), dtype=complex)
+    result[..., : amplitudes.shape[-1]] = amplitudes
+    return result
+
+
 def stretch(coefficients: ArrayLike, factor: int) -> Array:
     """Return the coefficients of the same signal over ``factor`` periods: harmonic h becomes harmonic h * factor."""
     c = to_complex(coefficients)

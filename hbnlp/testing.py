@@ -7,6 +7,7 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.core.kinds import Kind
+from hbnlp.fourier import n_coefficients
 
 
 def check_branch(
@@ -29,10 +30,13 @@ def check_branch(
         The tolerance of the Floquet analysis: a modulus up to one plus this is stable.
     """
     count = len(branch)
-    length = 2 * branch.n_harmonics + 1
+    most = branch.coefficients.shape[2] // 2
     assert branch.coefficients.shape[0] == count
-    assert branch.coefficients.shape[2] == length
-    assert branch.amplitudes.shape == (count, len(branch.output_names), branch.n_harmonics + 1)
+    assert branch.amplitudes.shape == (count, len(branch.output_names), most + 1)
+    assert branch.n_harmonics.shape == (count,)
+    assert np.all((branch.n_harmonics >= 1) & (branch.n_harmonics <= most)), "numbers of harmonics are out of range"
+    for row, n_harmonics in zip(branch.coefficients, branch.n_harmonics, strict=True):
+        assert not np.any(row[:, n_coefficients(n_harmonics) :]), "harmonics beyond a point's own are not zero"
     assert np.all(np.isfinite(branch.coefficients)), "coefficients are not all finite"
     assert np.all(np.diff(branch.arclength) > 0.0), "arclength does not rise"
     low, high = sorted(branch.span)
@@ -55,12 +59,14 @@ def _check_residuals(branch: Branch, problem: HarmonicBalance, tol: float) -> No
     solutions = [branch.solution(i) for i in range(len(branch))] + [
         p.solution for p in branch.special_points if p.refined
     ]
-    points = [(s.coefficients.ravel(), problem.values(s.parameters)) for s in solutions]
-    sizes = np.array([problem.assembly.term_size(x, values) for x, values in points])
+    points = [
+        (problem.carrying(s.n_harmonics), s.coefficients.ravel(), problem.values(s.parameters)) for s in solutions
+    ]
+    sizes = np.array([own.assembly.term_size(x, values) for own, x, values in points])
     # a branch may begin or end at rest, where there are no terms to compare with
     sizes = np.maximum(sizes, max(1e-9 * sizes.max(), 1e-300))
-    for solution, (x, values), size in zip(solutions, points, sizes, strict=True):
-        residual = np.abs(problem.residual(x, values).full()).max()
+    for solution, (own, x, values), size in zip(solutions, points, sizes, strict=True):
+        residual = np.abs(own.residual(x, values).full()).max()
         assert residual <= tol * size, (
             f"residual {residual:.2e} at {branch.name} = {solution.parameters[branch.name]:g}"
         )
@@ -70,13 +76,15 @@ def _check_special_points(branch: Branch) -> None:
     indices = [p.index for p in branch.special_points]
     assert indices == sorted(indices), "special points are not in branch order"
     slopes = np.sign(np.diff(branch.parameter))
+    truncation = branch.problem.truncation if branch.problem is not None else None
     for point in branch.special_points:
         ends = branch.parameter[point.index], branch.parameter[point.index + 1]
         assert point.bracket == ends, f"{point} has the bracket {point.bracket}, the branch {ends}"
         low, high = min(ends), max(ends)
         width = max(high - low, 1e-9 * abs(high))
         if point.kind is Kind.FOLD:
-            slack = 1e-10 * abs(high)  # the tolerance of the corrector: points may crowd at a fold
+            # the tolerance of the corrector, as points may crowd at a fold, and that of the harmonics, if they differ
+            slack = max(1e-10, 0.0 if truncation is None else truncation.tolerance) * abs(high)
             beyond = point.value >= high - slack or point.value <= low + slack
             assert beyond, f"{point} is no extremum of its bracket"
             assert abs(point.value - 0.5 * (low + high)) <= 20.0 * width + 1e-3 * abs(high), f"{point} is far away"

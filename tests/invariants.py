@@ -88,6 +88,41 @@ def examine(oscillator: RandomOscillator, *, most_points: int = 1500) -> Report:
     return report
 
 
+def examine_to_a_tolerance(oscillator: RandomOscillator, tolerance: float, *, most_harmonics: int = 63) -> Report:
+    """Trace a random system to a tolerance and hold its special points to those of other ways to the same branch."""
+    report = Report()
+    system = oscillator.problem().system
+    problem = hbnlp.HarmonicBalance(system, tolerance=tolerance, most_harmonics=most_harmonics)
+    parts = []
+
+    def keep(progress):
+        if progress.counts["points"] % 25 == 10 and not progress.done:
+            parts.append(progress.result())
+
+    def same(kind, one, other):
+        there, here = _differ(_values(one), _values(other), 5.0 * tolerance)
+        report.hold(kind, not there and not here, f"only one {there}, only the other {here}, ends {other.end.name}")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", hbnlp.LinearInstabilityWarning)
+        branch = hbnlp.trace(problem, "omega", oscillator.span, callbacks=[keep])
+        report.points = len(branch)
+        check_shapes(report, oscillator, problem, branch)
+        report.hold("reaches an end", branch.complete, branch.message)
+        if branch.n_harmonics.max() < most_harmonics:
+            report.hold("error", branch.truncation_error.max() <= tolerance, f"{branch.truncation_error.max():.1e}")
+            report.hold("converged", all(point.converged for point in branch.special_points), branch.special_points)
+            more = hbnlp.HarmonicBalance(system, int(branch.n_harmonics.max()) + 6)
+            same("fixed number", branch, hbnlp.trace(more, "omega", oscillator.span))
+        if branch.end is hbnlp.End.SPAN_END:
+            last = branch.solution(len(branch) - 1)
+            same("reversed", branch, hbnlp.trace(problem, "omega", oscillator.span[::-1], start=last))
+        if parts:
+            same("resumed", branch, hbnlp.trace(problem, "omega", oscillator.span, resume=parts[2 * len(parts) // 3]))
+    return report
+
+
 def _sample(branch, count, oscillator):
     rng = np.random.default_rng(oscillator.seed)
     return sorted(rng.choice(len(branch), min(count, len(branch)), replace=False))
@@ -196,11 +231,11 @@ def _values(branch):
     return sorted((point.kind.code, point.value) for point in branch.special_points)
 
 
-def _differ(one, other):
+def _differ(one, other, tol=SPECIAL_TOL):
     """The special points of either that have no equal in the other."""
     rest, lonely = list(other), []
     for kind, value in one:
-        near = [p for p in rest if p[0] == kind and abs(p[1] - value) <= SPECIAL_TOL * value]
+        near = [p for p in rest if p[0] == kind and abs(p[1] - value) <= tol * value]
         if near:
             rest.remove(near[0])
         else:

@@ -73,6 +73,12 @@ def test_a_random_system_holds_to_the_invariants(seed):
     assert invariants.examine(oscillator).failures == [], oscillator
 
 
+@pytest.mark.parametrize("seed", [1, 5, 6, 11, 12, 14, 16, 18, 19, 22, 25, 27])
+def test_a_random_system_is_traced_to_a_tolerance_every_way_alike(seed):
+    oscillator = RandomOscillator.of(seed)
+    assert invariants.examine_to_a_tolerance(oscillator, 1e-4).failures == [], oscillator
+
+
 def test_the_quick_seeds_have_every_kind_of_term():
     oscillators = [RandomOscillator.of(seed) for seed in QUICK]
     assert {name for oscillator in oscillators for name in oscillator.names} == set(TERMS)

@@ -29,6 +29,7 @@ class Assembly:
         self.linear = LinearBalance(system, sampling)
         self.force = SampledForce(system, sampling.force, sampling.periods) if system.is_nonlinear else None
         self._basis, force = sampling.force, system.compiled_force
+        self._places = force.places_q, force.places_v
         self._by_q = Multiplication(self._basis, force.places_q)
         self._by_r = Multiplication(self._basis, force.places_v, derivative=True)
         self._shape = (system.n_dof, n_coefficients(sampling.n_harmonics))
@@ -71,6 +72,16 @@ class Assembly:
             direction = None if dx is None else dx.reshape(self._shape)
             self._add_force(out, *self.force.derivatives_along(x.reshape(self._shape), values, direction, index))
         return out
+
+    def mean_derivatives(self, x: Array, values: Array) -> tuple[Array, Array]:
+        """Return the means over the period of the force's derivatives by displacements and their slopes, (n, n)."""
+        n = self._shape[0]
+        means = np.zeros((2, n, n))
+        if self.force:
+            derivatives = self.force.derivatives(x.reshape(self._shape), values)
+            for mean, places, samples in zip(means, self._places, derivatives, strict=True):
+                mean[places] = samples.mean(axis=0)
+        return means[0], means[1]
 
     def term_size(self, x: Array, values: Array) -> float:
         """Return the size of the terms that R balances: the largest entry of its linear terms and excitation."""

@@ -51,6 +51,17 @@ class LinearBalance:
         lag = at.transfer if self._operators.lags.n_lags else None
         at.of_laws.pattern.add(matrix, at.law.stiffness, at.law.damping, at.law.mass, at.rate, lag)
 
+    def dynamic_stiffness(self, values: Array, stiffness: Array, damping: Array) -> ComplexArray:
+        """Return the dynamic stiffness (H+1, n, n) of harmonics 0 to H, with more stiffness and damping by phase."""
+        at = self._at(values)
+        orders = np.arange(self._operators.orders.size + 1)[:, None, None]
+        law = at.law
+        blocks: ComplexArray = law.stiffness + stiffness + 1j * orders * (at.rate * law.damping + damping)
+        blocks -= (at.rate * orders) ** 2 * law.mass
+        if self._operators.lags.n_lags:
+            blocks[1:] -= at.transfer[..., : self._shape[0]]
+        return blocks
+
     def excitation(self, values: Array) -> Array:
         """Return the coefficients (n, L) of forcing and prescribed motion, through their lag states, too."""
         return self._at(values).excitation

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -22,6 +22,7 @@ from hbnlp.balance.output_groups import warn_of_switches
 from hbnlp.balance.outputs import Outputs
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols
+from hbnlp.balance.truncation import Truncation
 from hbnlp.core.checks import finite_array, instance_of, whole_number
 from hbnlp.core.errors import CornerError
 from hbnlp.core.kept import Kept, built_once
@@ -30,7 +31,7 @@ from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import n_coefficients, resize, to_complex
 from hbnlp.systems.system import System
 
-MOST_RELATIVES = 32
+MOST_RELATIVES = 64
 """Balances of one system with other numbers of harmonics or samples that are kept."""
 
 _RENAMED = {
@@ -46,8 +47,18 @@ class HarmonicBalance:
     ----------
     system : System
         What is to be balanced.
-    n_harmonics : int
-        H >= 1. The unknowns are the (2H+1) n coefficients of the displacements.
+    n_harmonics : int, optional
+        H >= 1, the same for all solutions. The unknowns are the (2H+1) n coefficients of the displacements.
+    tolerance : float, optional
+        Instead of a number of harmonics: the bound, from 1e-9 to 0.1, on the error for want of them. Each solution
+        then has as many as its estimated error asks for, more or fewer from one to the next along a branch. It holds
+        for each displacement relative to its size in the solution, or to a thousandth of the largest on the branch
+        where that is more: near rest.
+    outputs : sequence of str
+        With a tolerance: the outputs that are to meet it as well. A force holds accelerations, and needs more.
+    most_harmonics : int, optional
+        With a tolerance: how many may be taken, by default 127 of the forcing's frequency. Where they do not do, the
+        records say so.
     periods : int
         Length of the solution in periods of the forcing: 2 for a period-doubled one; the harmonics are then those of
         omega / periods.
@@ -60,6 +71,9 @@ class HarmonicBalance:
     ----------
     sampling : Sampling
         How many samples force, excitation and outputs take.
+    truncation : Truncation or None
+        The tolerance, where there is one. The balance itself then has the number of harmonics that solutions begin
+        with; each solution has the balance with its own, ``solution.problem``.
     kept : Kept
         What analyses compile for this balance and ask for again.
     x, p : casadi.MX
@@ -71,7 +85,11 @@ class HarmonicBalance:
     Raises
     ------
     ValueError
-        For H < 1, fewer than one period, or too few samples.
+        For H < 1, fewer than one period, or too few samples; for a tolerance out of its bounds or a cap too low.
+    TypeError
+        For both a number of harmonics and a tolerance, or neither.
+    KeyError
+        For an output that the system does not have.
 
     Notes
     -----
@@ -83,12 +101,37 @@ class HarmonicBalance:
     Cameron, Griffin (1989), J. Appl. Mech. 56, 149-154, doi:10.1115/1.3176036 (alternating frequency/time).
     """
 
-    def __init__(self, system: System, n_harmonics: int, *, periods: int = 1, n_samples: int | None = None) -> None:
+    def __init__(
+        self,
+        system: System,
+        n_harmonics: int | None = None,
+        *,
+        tolerance: float | None = None,
+        outputs: Sequence[str] = (),
+        most_harmonics: int | None = None,
+        periods: int = 1,
+        n_samples: int | None = None,
+    ) -> None:
         instance_of("system", system, System, "an hbnlp.System")
-        self._set_up(system, Sampling.of(system, n_harmonics, periods, n_samples), self)
+        truncation = None
+        if tolerance is not None:
+            truncation = Truncation.of(system, tolerance, outputs, most_harmonics, periods)
+        elif most_harmonics is not None or outputs:
+            name, value = ("outputs", outputs) if outputs else ("most_harmonics", most_harmonics)
+            raise TypeError(f"{name} is {value!r}, which goes with a tolerance; give tolerance=1e-4, or leave it out")
+        if (n_harmonics is None) is (truncation is None):
+            given = (
+                "neither is given" if truncation is None else f"n_harmonics is {n_harmonics!r}, tolerance {tolerance!r}"
+            )
+            raise TypeError(f"{given}; give n_harmonics=7, the same for all solutions, or tolerance=1e-4")
+        number = truncation.first if truncation is not None else n_harmonics
+        assert number is not None
+        self._set_up(system, Sampling.of(system, number, periods, n_samples), truncation, self)
 
-    def _set_up(self, system: System, sampling: Sampling, origin: HarmonicBalance) -> None:
-        self.system, self.sampling = system, sampling
+    def _set_up(
+        self, system: System, sampling: Sampling, truncation: Truncation | None, origin: HarmonicBalance
+    ) -> None:
+        self.system, self.sampling, self.truncation = system, sampling, truncation
         # a weak reference: with a circle, what is compiled would outlive its last user
         self._origin, self._relatives = weakref.ref(origin), Kept[HarmonicBalance](MOST_RELATIVES)
         self.kept: Kept[Any] = Kept(4)
@@ -101,9 +144,13 @@ class HarmonicBalance:
     def with_harmonics(self, n_harmonics: int) -> HarmonicBalance:
         """Return the balance of the same system with another number of harmonics (always the same, built once).
 
-        Where the number of samples was given, or had to be raised, there are no fewer, nor fewer a harmonic.
+        Where the number of samples was given, or had to be raised, there are no fewer.
         """
         return self._with(self.sampling.with_harmonics(n_harmonics))
+
+    def carrying(self, n_harmonics: int) -> HarmonicBalance:
+        """Return the balance for a solution of so many harmonics: its own where there is a tolerance, or this one."""
+        return self if self.truncation is None else self.with_harmonics(n_harmonics)
 
     def oversampled(self) -> HarmonicBalance:
         """Return the same balance with twice the samples (always the same, built once)."""
@@ -116,26 +163,41 @@ class HarmonicBalance:
             if sampling == known.sampling:
                 return known
 
-        return origin._relatives.get(sampling, lambda: HarmonicBalance._of(self.system, sampling, origin))
+        def relative() -> HarmonicBalance:
+            return HarmonicBalance._of(self.system, sampling, self.truncation, origin)
+
+        return origin._relatives.get(sampling, relative)
 
     @classmethod
-    def _of(cls, system: System, sampling: Sampling, origin: HarmonicBalance | None = None) -> HarmonicBalance:
+    def _of(
+        cls,
+        system: System,
+        sampling: Sampling,
+        truncation: Truncation | None,
+        origin: HarmonicBalance | None = None,
+    ) -> HarmonicBalance:
         problem = object.__new__(cls)
-        problem._set_up(system, sampling, origin or problem)
+        problem._set_up(system, sampling, truncation, origin or problem)
         return problem
+
+    def over_twice_the_period(self) -> HarmonicBalance:
+        """Return the balance of motions over twice the period, with the same harmonics of the forcing."""
+        sampling = Sampling.of(self.system, 2 * self.n_harmonics, 2 * self.periods)
+        truncation = self.truncation.doubled() if self.truncation is not None else None
+        return HarmonicBalance._of(self.system, sampling, truncation)
 
     # -- copies and other processes ---------------------------------------------------------------------------------
 
-    def __reduce__(self) -> tuple[Callable[..., HarmonicBalance], tuple[System, Sampling, Sampling]]:
+    def __reduce__(self) -> tuple[Callable[..., HarmonicBalance], tuple[Any, ...]]:
         """Send the system and the samplings; what was compiled stays, and is compiled once where it arrives."""
-        return _received, (self.system, (self._origin() or self).sampling, self.sampling)
+        return _received, (self.system, (self._origin() or self).sampling, self.sampling, self.truncation)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> HarmonicBalance:
         """Return another balance of a copy of the system, which shares nothing with this one."""
-        return HarmonicBalance._of(copy.deepcopy(self.system, memo), self.sampling)
+        return HarmonicBalance._of(copy.deepcopy(self.system, memo), self.sampling, self.truncation)
 
     def __copy__(self) -> HarmonicBalance:
-        return HarmonicBalance._of(self.system, self.sampling)
+        return HarmonicBalance._of(self.system, self.sampling, self.truncation)
 
     @property
     def n_samples(self) -> int:
@@ -295,8 +357,10 @@ class HarmonicBalance:
     def __repr__(self) -> str:
         period = f", {self.periods} forcing periods" if self.periods > 1 else ""
         settled = "settled" if self.samples_are_settled else "doubled where they do not suffice"
+        exact = f" (tolerance {self.truncation.tolerance:g})" if self.truncation is not None else ""
+        harmonics = f"{self.n_harmonics} harmonics{exact}{period}"
         return (
-            f"HarmonicBalance of {self.system.name!r}: {self.n_harmonics} harmonics{period}, {self.size} unknowns\n"
+            f"HarmonicBalance of {self.system.name!r}: {harmonics}, {self.size} unknowns\n"
             f"  {self.n_samples} samples a period ({settled})"
         )
 
@@ -304,7 +368,7 @@ class HarmonicBalance:
 _RECEIVED: Kept[HarmonicBalance] = Kept(8)
 
 
-def _received(system: System, original: Sampling, sampling: Sampling) -> HarmonicBalance:
+def _received(system: System, original: Sampling, sampling: Sampling, truncation: Truncation | None) -> HarmonicBalance:
     """Return a balance that came from elsewhere: of a system received before, the one that is compiled already."""
-    origin = _RECEIVED.get((system, original), lambda: HarmonicBalance._of(system, original))
+    origin = _RECEIVED.get((system, original, truncation), lambda: HarmonicBalance._of(system, original, truncation))
     return origin._with(sampling)

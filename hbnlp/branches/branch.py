@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.balance.sampling import MOST_HARMONICS
 from hbnlp.branches.special_points import COLUMNS, ROWS, SpecialPoint, packed, unpacked
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.checks import counted, place, real_number
@@ -29,7 +30,9 @@ from hbnlp.core.layout import (
 )
 from hbnlp.core.records import AlongParameter, loaded, save_record
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
+from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs, check_problem
+from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
 from hbnlp.solutions.crossing import solution_between
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.solution import Solution, attached
@@ -50,9 +53,14 @@ class Branch(AlongParameter):
     parameter : array (n_points,)
         Its values.
     coefficients : array (n_points, n_dof, 2H+1)
-        Ordered ``a_0, a_1 (cos), a_2 (sin), ...``.
+        Ordered ``a_0, a_1 (cos), a_2 (sin), ...``; H is the largest number of harmonics, and zeros stand where a point
+        has fewer.
     amplitudes : array (n_points, n_outputs, H+1), complex
-        Harmonics of all outputs.
+        Harmonics of all outputs, likewise.
+    n_harmonics : array (n_points,), int
+        Number of harmonics of each point: one and the same, unless the problem has a tolerance.
+    truncation_error : array (n_points,) or None
+        Estimated error for want of harmonics, as the problem's tolerance bounds it; None without a tolerance.
     multipliers : array (n_points, n_state), complex, or None
         Floquet multipliers by decreasing modulus; None where stability was off.
     stable : array (n_points,), bool, or None
@@ -81,6 +89,8 @@ class Branch(AlongParameter):
     parameter: Array
     coefficients: Array
     amplitudes: ComplexArray
+    n_harmonics: IntArray
+    truncation_error: Array | None
     multipliers: ComplexArray | None
     stable: BoolArray | None
     stability_error: Array | None
@@ -100,25 +110,24 @@ class Branch(AlongParameter):
     refused: int
     problem: HarmonicBalance | None = field(default=None, repr=False)
 
-    @property
-    def n_harmonics(self) -> int:
-        """Number of harmonics H."""
-        return int(self.coefficients.shape[2] - 1) // 2
-
     def solution(self, index: int) -> Solution:
         """Return one point as a Solution."""
         index = place("index", index, len(self))
+        n_harmonics = int(self.n_harmonics[index])
+        statistics = {"residual": float(self.residual[index]), "samples": int(self.n_samples[index])}
+        if self.truncation_error is not None:
+            statistics["truncation_error"] = float(self.truncation_error[index])
         return Solution(
-            coefficients=self.coefficients[index],
+            coefficients=self.coefficients[index, :, : n_coefficients(n_harmonics)],
             parameters={
                 name: float(self.parameter[index]) if name == self.name else self.parameters[name]
                 for name in self.parameter_names
             },
-            amplitudes=self.amplitudes[index],
+            amplitudes=self.amplitudes[index, :, : n_harmonics + 1],
             output_names=self.output_names,
             periods=self.periods,
-            statistics={"residual": float(self.residual[index]), "samples": int(self.n_samples[index])},
-            problem=self.problem,
+            statistics=statistics,
+            problem=None if self.problem is None else self.problem.carrying(n_harmonics),
         )
 
     def _turns_at(self, point: SpecialPoint) -> bool:
@@ -151,17 +160,17 @@ class Branch(AlongParameter):
         # a branch may begin at rest, where nothing can be measured relative to the solution
         largest = float(np.linalg.norm(self.coefficients, axis=(1, 2)).max(initial=0.0))
         curve = along_parameter(problem, values, self.name, span=self.span, floor=max(1e-3 * largest, TINY))
-        points = np.array([curve.point(self.coefficients[i], self.parameter[i]) for i in range(len(self))])
-        turns = [point for point in self.special_points if self._turns_at(point)]
-        turning = [curve.point(fold.solution.coefficients, fold.value) for fold in turns]
-        points = np.insert(points, [fold.index + 1 for fold in turns], turning, axis=0) if turns else points
+        points = [self.solution(i) for i in range(len(self))]
         if self.closed:
             points[-1] = points[0]  # the same but for round-off, and counted once
-        ahead = points[:, -1] - value
+        for fold in reversed([point for point in self.special_points if self._turns_at(point)]):
+            points.insert(fold.index + 1, fold.solution)
+        ahead = [point.parameters[self.name] - value for point in points]
         found = []
         for i in range(len(points) - self.closed):
             if ahead[i] == 0.0:
-                found.append(curve.solution(points[i]))
+                own = curve.on(problem.carrying(points[i].n_harmonics))
+                found.append(own.solution(own.point(points[i].coefficients, value)))
             elif i + 1 < len(points) and ahead[i] * ahead[i + 1] < 0.0:
                 found.append(solution_between(curve, points[i], points[i + 1], value))
         return tuple(found)
@@ -216,7 +225,7 @@ class Branch(AlongParameter):
         SaveError
             If it cannot be written; the branch in memory and an older file are as they were.
         """
-        special_points = packed(self.special_points, self.coefficients.shape[1:])
+        special_points = packed(self.special_points, self.coefficients.shape[1])
         save_record(self, path, _LAYOUT, end=self.end.name, **special_points)
 
     @classmethod
@@ -242,11 +251,14 @@ class Branch(AlongParameter):
         """
         check_problem(problem)
         with loaded(path, _LAYOUT) as content:
+            content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
             content["special_points"] = unpacked(content, problem)
             branch = cls(**content, problem=problem)
         if problem is not None:
+            check_numbers(problem, branch.n_harmonics, what="branch")
             for index in {0, len(branch) - 1} if len(branch) else ():
-                check_belongs(problem, branch.solution(index), what="branch")
+                solution = branch.solution(index)
+                check_belongs(problem.carrying(solution.n_harmonics), solution, what="branch")
         return branch
 
     def __repr__(self) -> str:
@@ -258,8 +270,10 @@ class Branch(AlongParameter):
         stability = "not computed"
         if self.stable is not None:
             stability = f"{np.count_nonzero(self.stable)} stable, {np.count_nonzero(~self.stable)} unstable points"
+        most, fewest = int(self.n_harmonics.max(initial=0)), int(self.n_harmonics.min(initial=MOST_HARMONICS))
+        harmonics = counted(most, "harmonic") if fewest >= most else f"{fewest} to {most} harmonics"
         return (
-            f"Branch of {self.system_name!r}: {counted(len(self), 'point')}, {counted(self.n_harmonics, 'harmonic')}\n"
+            f"Branch of {self.system_name!r}: {counted(len(self), 'point')}, {harmonics}\n"
             f"  {extent}\n"
             f"  special points: {counts}\n"
             f"  stability: {stability}\n"
@@ -273,6 +287,8 @@ _LAYOUT = Layout(
         "parameter": Column("points"),
         "coefficients": Column("points dof 2H+1"),
         "amplitudes": Column("points outputs H+1", complex),
+        "n_harmonics": Column("points", int, optional=True),
+        "truncation_error": Column("points", finite=False, optional=True),
         "multipliers": Column("points states", complex, finite=False, optional=True),
         "stable": Column("points", bool, optional=True),
         "stability_error": Column("points", finite=False, optional=True),

@@ -9,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import End
 from hbnlp.core.types import Array
+from hbnlp.fourier import n_coefficients
+from hbnlp.solutions.columns import not_met
 from hbnlp.solutions.equations import Equations
 from hbnlp.stability.result import FloquetResult
 
@@ -26,6 +29,7 @@ class Traced:
     curve: Equations
     floquet: FloquetResult | None
     special_points: tuple[SpecialPoint, ...]
+    truncation_error: float | None = None
 
     @property
     def n_samples(self) -> int:
@@ -49,7 +53,7 @@ def make_branch(
     ``moved`` takes the place of the last point of ``resumed``, where that was found anew with more samples.
     """
     problem, name = curve.problem, curve.name
-    columns = _columns([moved, *records] if moved is not None else records, curve)
+    columns = _columns([moved, *records] if moved is not None else records, problem)
     points = tuple(special for record in records for special in record.special_points)
     if resumed is not None and not records:
         columns, points, refused = (
@@ -63,7 +67,7 @@ def make_branch(
         kept = len(resumed) - (moved is not None)
         for key, column in columns.items():
             old = getattr(resumed, key)
-            columns[key] = None if old is None or column is None else np.concatenate([old[:kept], column])
+            columns[key] = None if old is None or column is None else _joined(old[:kept], column)
         points = resumed.special_points + points
         refused += resumed.refused
     return Branch(
@@ -72,15 +76,23 @@ def make_branch(
         span=span,
         special_points=tuple(_bracketed(point, columns["parameter"]) for point in points),
         end=end,
-        message=message,
+        message=message + not_met(columns["truncation_error"], problem),
         parameters={key: value for key, value in curve.fixed_parameters().items() if key != name},
         parameter_names=problem.system.parameters.names,
         system_name=problem.system.name,
         output_names=problem.system.output_names,
         periods=problem.periods,
         refused=refused,
-        problem=problem,
+        problem=problem if problem.truncation is None else problem.with_harmonics(problem.truncation.first),
     )
+
+
+def _joined(old: Array, new: Array) -> Array:
+    """Return the rows of one column after those of another; zeros stand for harmonics that a row does not have."""
+    if old.shape[1:] != new.shape[1:]:
+        most = max(old.shape[-1], new.shape[-1])
+        old, new = (np.pad(each, [(0, 0), (0, 0), (0, most - each.shape[-1])]) for each in (old, new))
+    return np.concatenate([old, new])
 
 
 def _bracketed(point: SpecialPoint, parameter: Array) -> SpecialPoint:
@@ -89,20 +101,28 @@ def _bracketed(point: SpecialPoint, parameter: Array) -> SpecialPoint:
     return point if point.bracket == bracket else dataclasses.replace(point, bracket=bracket)
 
 
-def _columns(records: Sequence[Traced], curve: Equations) -> dict[str, Any]:
-    problem = curve.problem
-    coefficients = np.array([record.curve.coefficients(record.point.y) for record in records])
-    coefficients = coefficients.reshape(-1, *problem.shape)
+def _columns(records: Sequence[Traced], problem: HarmonicBalance) -> dict[str, Any]:
+    numbers = np.array([record.curve.problem.n_harmonics for record in records], dtype=int)
+    most = int(numbers.max(initial=1))
+    n, n_outputs = problem.system.n_dof, len(problem.system.output_names)
+    coefficients = np.zeros((len(records), n, n_coefficients(most)))
+    amplitudes = np.zeros((len(records), n_outputs, most + 1), dtype=complex)
     values = np.array([record.curve.values(record.point.y) for record in records])
-    n_outputs = len(problem.system.output_names)
-    empty = np.zeros((0, n_outputs, problem.n_harmonics + 1), dtype=complex)
-    unknowns = coefficients.reshape(-1, problem.size)
+    for number in np.unique(numbers):
+        rows = np.flatnonzero(numbers == number)
+        own = records[int(rows[-1])].curve.problem
+        x = np.array([one.curve.unknowns.coefficients(one.point.y) for one in (records[int(row)] for row in rows)])
+        coefficients[rows, :, : n_coefficients(number)] = x.reshape(-1, *own.shape)
+        amplitudes[rows, :, : number + 1] = own.output_harmonics(x, values[rows])
     results = [record.floquet for record in records if record.floquet is not None]
+    errors = [record.truncation_error for record in records if record.truncation_error is not None]
     complete = bool(results) and len(results) == len(records)
     return {
         "parameter": np.array([record.point.value for record in records]),
         "coefficients": coefficients,
-        "amplitudes": problem.output_harmonics(unknowns, values) if len(records) else empty,
+        "amplitudes": amplitudes,
+        "n_harmonics": numbers,
+        "truncation_error": np.array(errors) if errors and len(errors) == len(records) else None,
         "multipliers": np.array([r.multipliers for r in results]) if complete else None,
         "stable": np.array([r.stable for r in results]) if complete else None,
         "stability_error": np.array([r.error for r in results]) if complete else None,

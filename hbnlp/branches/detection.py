@@ -69,6 +69,9 @@ class Detector:
         if evaluator is None or length <= SHORTEST:
             return None
         here, there = (self._spectrum(curve, point, evaluator) for point in (before, after))
+        earlier = self._earlier
+        if earlier is not None and earlier.place >= here.place:
+            earlier = None  # the step before is made again, so that this one begins where it began
         seen: dict[float, Point] = {}
 
         def look(place: float) -> ComplexArray | None:
@@ -79,9 +82,9 @@ class Detector:
                 seen[place] = point
             return self._floquet(curve, seen[place], evaluator).multipliers
 
-        place = _dip(self._earlier, here, there, look)
+        place = _dip(earlier, here, there, look)
         if place is None and all(self._floquet(curve, point, evaluator).converged for point in (before, after)):
-            place = hidden_crossing(self._earlier, here, there, look, evaluator.options.tol)
+            place = hidden_crossing(earlier, here, there, look, evaluator.options.tol)
         if place is None or place not in seen:
             return None
         return float(before.tangent / before.scale**2 @ (seen[place].y - before.y))
@@ -90,8 +93,7 @@ class Detector:
         """Return the special points in a step; ``index`` is the number of the point before it."""
         found, evaluator = self._by_tangent_and_determinant(curve, before, after, index), self._evaluator
         if evaluator is not None:
-            self._earlier = self._spectrum(curve, before, evaluator)
-            found = [with_multiplier(point, evaluator) for point in found]
+            found = [with_multiplier(point, _with_harmonics_of(curve, evaluator)) for point in found]
             kinds = crossings(*(self._floquet(curve, point, evaluator) for point in (before, after)))
             for number, kind in enumerate(kinds):
                 which = kinds[:number].count(kind)
@@ -115,8 +117,27 @@ class Detector:
             found += [fold] if fold is not None else []
         if crossing is not None and not _is_multiple_fold(curve, crossing.y):
             found.append(_branch_point(curve, before, after, index))
-        self._crossing = crossing
         return found
+
+    def passed(self, curve: Equations, before: Point, after: Point) -> None:
+        """Take a step as made: the next one is seen beside it."""
+        self._crossing = after.branch_point
+        if self._evaluator is not None:
+            self._earlier = self._spectrum(curve, before, self._evaluator)
+
+    def same(self, known: Point, other: Point) -> None:
+        """Take the multipliers of one point for another, in its place on a curve with fewer harmonics."""
+        self._known += [(other, result) for point, result in self._known if point is known]
+
+    def alike(self, known: Point, curve: Equations, other: Point) -> bool:
+        """Return whether a point, and another in its place on a curve, are on the same side of all special points."""
+        turned = known.tangent[-1] * other.tangent[-1] < 0.0
+        if turned or known.orientation != other.orientation:
+            return False
+        if self._evaluator is None:
+            return True
+        before = next((result for point, result in self._known if point is known), None)
+        return before is None or not crossings(before, self._floquet(curve, other, self._evaluator))
 
     def _spectrum(self, curve: Equations, point: Point, evaluator: FloquetEvaluator) -> Spectrum:
         return Spectrum(point.arclength, self._floquet(curve, point, evaluator).multipliers)
@@ -126,7 +147,8 @@ class Detector:
             if known is point:
                 return result
         near = self._known[-1][1] if self._known else None
-        result = evaluator(curve.coefficients(point.y), curve.values(point.y), near=near)
+        own = _with_harmonics_of(curve, evaluator)
+        result = own(curve.coefficients(point.y), curve.values(point.y), near=near)
         self._known = [*self._known[-KEPT:], (point, result)]
         return result
 
@@ -163,6 +185,13 @@ class Detector:
             solution=curve.solution(located.y, residual=located.residual),
             multiplier=critical,
         )
+
+
+def _with_harmonics_of(curve: Equations, evaluator: FloquetEvaluator) -> FloquetEvaluator:
+    """Return the evaluator for the motions of a curve, which may have other harmonics."""
+    if curve.problem.n_harmonics == evaluator.n_harmonics:
+        return evaluator
+    return FloquetEvaluator.of(curve.problem, evaluator.options)
 
 
 def _dip(

@@ -28,7 +28,7 @@ MOST_STEPS, SMALL = 10, 1e-9
 def doubled(point: SpecialPoint) -> tuple[HarmonicBalance, Solution, Array]:
     """Return the balance over twice the period, the motion at which its Jacobian is singular, and the null vector."""
     own = attached(point)
-    problem = HarmonicBalance(own.system, 2 * own.n_harmonics, periods=2 * own.periods)
+    problem = own.over_twice_the_period()
     # the critical mode consists of odd harmonics, on which the solution itself has no part
     odd = (np.arange(problem.shape[1]) + 1) // 2 % 2 == 1
     keep = np.tile(odd, problem.shape[0])

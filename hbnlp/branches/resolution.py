@@ -1,292 +1,211 @@
-"""As many harmonics along a branch as each of its points needs."""
+"""As many harmonics along a branch as each of its points needs, and as its special points need to be told rightly."""
 
 from __future__ import annotations
 
 import dataclasses
-import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+import logging
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.balance.sampling import MOST_HARMONICS
-from hbnlp.branches.branch import Branch
-from hbnlp.continuation.newton import Newton, correct
-from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, list_of_callables, place, real_number, whole_number
-from hbnlp.core.interrupts import interrupts_kept
-from hbnlp.core.kinds import Status
-from hbnlp.core.layout import Column, Layout, counted_from_one, number, numbers_by_name, text, texts
-from hbnlp.core.records import AlongParameter, loaded, save_record
-from hbnlp.core.renamed import renamed_name
-from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
-from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
-from hbnlp.solutions.attaching import check_belongs, check_problem
-from hbnlp.solutions.equations import Equations, along_parameter
-from hbnlp.solutions.solution import Solution, attached
-from hbnlp.solutions.truncation import Estimate
+from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.branches.starting import Start
+from hbnlp.continuation.acceptance import accepted
+from hbnlp.continuation.arclength import PseudoArclength
+from hbnlp.continuation.curve import Bordered
+from hbnlp.continuation.point import Point, corrected, finish
+from hbnlp.core.types import Array
+from hbnlp.solutions.accuracy import Accuracy
+from hbnlp.solutions.equations import Equations
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+logger = logging.getLogger(__name__)
+
+WELL_BELOW = 0.3
+"""Fewer harmonics are gone on with where the error with them is below this part of the tolerance."""
+PATIENCE = 10
+"""Points before fewer harmonics are tried again where they would not have done."""
+
+LENIENT = 2.5
+"""A step that is made with more harmonics may turn by this multiple of the angle aimed at; twice it is the rule."""
+
+Detect = Callable[[Equations, Point, Point], tuple[SpecialPoint, ...]]
+OnOther = Callable[[Equations, Point, Equations], Point | None]
+"""(other, point, curve): the point of another curve in the place of one of a curve."""
+View = Callable[[Equations, Point], "Seen"]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ResolvedBranch(AlongParameter):
-    """A branch with as many harmonics at each point as a tolerance asks for.
+class Seen(NamedTuple):
+    """How the error of a point is measured: as a solution on a curve without a condition, in the plane normal to a row.
 
-    Attributes
-    ----------
-    name : str
-        The continuation parameter.
-    parameter : array (n_points,)
-    n_harmonics : array (n_points,), int
-    truncation_error : array (n_points,)
-        Estimate relative to the size of the solution; nan where no solution was found near the branch.
-    coefficients : array (n_points, n_dof, 2 H + 1)
-        H is the largest number of harmonics; zero beyond a point's own, nan where no solution was found.
-    amplitudes : array (n_points, n_outputs, H + 1), complex
-        Harmonics of all outputs.
-    output_names : tuple of str
-    periods : int
-    parameters : dict
-        Values of all parameters; that of the continuation parameter is its last.
-    tolerance : float
-    message : str
-        Whether all points of the branch were resolved.
-    problem : HarmonicBalance or None
-        That of the branch; None from a file.
+    ``factors`` are those of the curve's derivative with that row, where there are some.
     """
 
-    name: str
-    parameter: Array
-    n_harmonics: IntArray
-    truncation_error: Array
-    coefficients: Array
-    amplitudes: ComplexArray
-    output_names: tuple[str, ...]
-    periods: int
-    parameters: Mapping[str, float]
-    tolerance: float
-    message: str
-    problem: HarmonicBalance | None = field(default=None, repr=False)
-
-    @property
-    def complete(self) -> bool:
-        """Whether all points of the branch were treated."""
-        return self.message.startswith("all ")
-
-    @property
-    def reached(self) -> BoolArray:
-        """Whether the tolerance is met, (n_points,)."""
-        return np.asarray(self.truncation_error <= self.tolerance)
-
-    def __getattr__(self, name: str) -> Any:
-        raise renamed_name("ResolvedBranch", name, {"solutions": "resolved.solution(i)"})
-
-    def solution(self, index: int) -> Solution:
-        """Return one point as a Solution with its own number of harmonics."""
-        index = place("index", index, len(self))
-        n_harmonics = int(self.n_harmonics[index])
-        found = bool(np.isfinite(self.truncation_error[index]))
-        return Solution(
-            coefficients=self.coefficients[index, :, : 2 * n_harmonics + 1],
-            parameters={**self.parameters, self.name: float(self.parameter[index])},
-            amplitudes=self.amplitudes[index, :, : n_harmonics + 1],
-            output_names=self.output_names,
-            periods=self.periods,
-            status=Status.CONVERGED if found else Status.NOT_CONVERGED,
-            problem=None if self.problem is None else self.problem.with_harmonics(n_harmonics),
-        )
-
-    def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
-        """Draw the amplitude of an output, coloured by the number of harmonics; see `hbnlp.plot.plot_resolved`."""
-        from hbnlp.plot import plot_resolved
-
-        return plot_resolved(self, output, ax=ax, harmonic=harmonic, **options)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to one ``.npz`` file without pickle, whole or not at all."""
-        save_record(self, path, _LAYOUT)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> ResolvedBranch:
-        """Return what `save` wrote, with its problem (of any harmonics) if that is given: see `Branch.load`."""
-        check_problem(problem)
-        with loaded(path, _LAYOUT) as content:
-            resolved = cls(**content)
-        found = np.flatnonzero(np.isfinite(resolved.truncation_error))
-        if problem is not None and found.size:
-            solution = resolved.solution(int(found[0]))
-            check_belongs(problem.with_harmonics(solution.n_harmonics), solution, what="resolved branch")
-        return dataclasses.replace(resolved, problem=problem)
-
-    def __repr__(self) -> str:
-        extent = f" with {self.n_harmonics.min()} to {self.n_harmonics.max()} harmonics" if len(self) else ""
-        return (
-            f"ResolvedBranch: {len(self)} points{extent}\n"
-            f"  truncation error at most {self.tolerance:g} at {np.count_nonzero(self.reached)} points, not reached at "
-            f"{np.count_nonzero(self.truncation_error > self.tolerance)}, no solution near the branch at "
-            f"{np.count_nonzero(np.isnan(self.truncation_error))}\n  {self.message}"
-        )
+    curve: Equations
+    y: Array
+    row: Array
+    factors: Bordered | None
 
 
-_LAYOUT = Layout(
-    kind="resolved branch",
-    columns={
-        "parameter": Column("points"),
-        "n_harmonics": Column("points", int),
-        "truncation_error": Column("points", finite=False),
-        "coefficients": Column("points dof 2H+1", finite=False),
-        "amplitudes": Column("points outputs H+1", complex, finite=False),
-    },
-    entries={
-        "name": text,
-        "output_names": texts,
-        "periods": counted_from_one,
-        "tolerance": number,
-        "message": text,
-        "parameters": numbers_by_name,
-    },
-    lengths={"outputs": "output_names"},
-)
+def along_branch(curve: Equations, point: Point) -> Seen:
+    """Return a solution of a branch in the plane normal to that."""
+    return Seen(curve, point.y, point.tangent / point.scale**2, point.factors)
 
 
-@interrupts_kept(returns=True)
-def resolve_harmonics(
-    branch: Branch,
-    tolerance: float,
-    *,
-    least: int = 1,
-    at_most: int = 31,
-    method: Newton | None = None,
-    callbacks: Callbacks = (),
-) -> ResolvedBranch:
-    """Solve the points of a branch again, each with as few harmonics as meet a tolerance.
+def beside_fold(curve: Equations, point: Point) -> Seen:
+    """Return a fold of a curve of folds as a solution with one free parameter, in the plane normal to its null vector.
 
-    Each point is sought in the plane normal to the branch, so that folds are no obstacle. The number of harmonics is
-    raised until the estimated error falls below the tolerance; the next point begins with one less.
+    There a change of the residual moves the fold's parameter, not its motion along the branch. It is the one of the two
+    parameters that the curve runs less along: the other's would grow without bound where folds come and go.
+    """
+    first, second = np.abs(point.tangent / point.scale)[-2:]
+    k = 0 if second >= first else 1
+    flat = Equations(curve.problem, curve.values(point.y), curve.unknowns.free[k : k + 1], floor=curve.unknowns.floor)
+    y = flat.unknowns.joined(curve.unknowns.coefficients(point.y), curve.unknowns.scalars(point.y)[k : k + 1])
+    null = flat.unknowns.joined(curve.unknowns.added(point.y), [0.0])
+    return Seen(flat, y, null / flat.scale(y) ** 2, None)
+
+
+class Resolution:
+    """The numbers of harmonics of one branch, rising where the error asks for more and falling where fewer would do.
 
     Parameters
     ----------
-    branch : Branch
-        From `hbnlp.trace`, of two points or more; its own number of harmonics need only be enough to lead.
-    tolerance : float
-        Bound on the truncation error, relative to the size of the solution, or to a thousandth of the largest on the
-        branch where the solution is smaller than that.
-    least, at_most : int
-        Numbers of harmonics between which the choice is made. Where ``at_most`` does not do, ``reached`` is False.
-    method : Newton, optional
-    callbacks : sequence of callables
-        Called after each point with a `Progress`; one that raises `StopTracing` ends it, as Ctrl-C does, with all
-        points so far.
-
-    Raises
-    ------
-    ValueError
-        For a tolerance that is not between 0 and 1, numbers out of order, or a branch from a file.
+    problem : HarmonicBalance
+        With a tolerance.
+    options : PseudoArclength
+        Of the continuation.
+    view : callable, optional
+        How the error of a point is measured; by default that of a solution, normal to the branch.
     """
-    instance_of("branch", branch, Branch, "a Branch, as hbnlp.trace returns it")
-    instance_of("method", method, Newton | None, "Newton(...)")
-    list_of_callables("callbacks", callbacks)
-    real_number("tolerance", tolerance, above=0.0, below=1.0)
-    whole_number("least", least, least=1, most=MOST_HARMONICS)
-    whole_number("at_most", at_most, least=least, most=MOST_HARMONICS)
-    problem = attached(branch)
-    if len(branch) < 2:
-        raise ValueError("the branch has a single point, and so no direction; trace two points or more")
-    resolver = _Resolver(branch, problem, float(tolerance), at_most, method or Newton())
-    rows: list[_Row] = []
 
-    def work() -> Iterator[Report]:
-        for i in range(len(branch)):
-            rows.append(resolver.point(i, max(least, rows[-1].n_harmonics - 1) if rows else least))
-            counts = {"points": len(rows), "harmonics": rows[-1].n_harmonics}
-            yield Report(rows[-1].parameter, len(rows) / len(branch), counts)
+    def __init__(self, problem: HarmonicBalance, options: PseudoArclength, view: View = along_branch) -> None:
+        self._accuracy, self._options, self._view = Accuracy(problem), options, view
+        self._policy = self._accuracy.policy
+        self._latest: tuple[Point, float] | None = None
+        self._wait = 0
 
-    def result(ending: Ending) -> ResolvedBranch:
-        whole = f"all {len(branch)} points of the branch"
-        message = whole if ending is COMPLETE else ending.after(f"{len(rows)} of {len(branch)} points")
-        return _resolved(rows, branch, problem, float(tolerance), message)
+    def start(self, begin: Start, span: tuple[float, float]) -> Start:
+        """Return the start of a branch with the harmonics that it asks for, as far as it is found with them."""
+        curve, point = begin.curve, begin.point
+        finer = self.finer(curve, point)
+        while finer is not None:
+            fixed = point.value in span
+            there = corrected(point, curve, finer, self._options.newton, fixed=fixed)
+            if there is None:
+                break
+            curve, point = finer, there
+            finer = self.finer(curve, point)
+        return begin._replace(curve=curve, point=point, origin=point)
 
-    return drive(f"resolving along {branch.name}", work(), result, name=branch.name, callbacks=callbacks)
+    def see(self, curve: Equations, y: Array) -> None:
+        """Take a point as one of the branch."""
+        self._accuracy.see(curve, y)
 
+    def error(self, curve: Equations, point: Point) -> float:
+        """Return the estimated error of a point of the branch."""
+        if self._latest is None or self._latest[0] is not point:
+            self._judge(curve, point)
+        assert self._latest is not None
+        return self._latest[1]
 
-class _Row(NamedTuple):
-    """One resolved point; no solution where none was found."""
+    def finer(self, curve: Equations, point: Point) -> Equations | None:
+        """Return the curve with the harmonics that a point of this one asks for; None where it has them."""
+        wanted = self._judge(curve, point)
+        return None if wanted == curve.problem.n_harmonics else _with(curve, wanted)
 
-    parameter: float
-    n_harmonics: int
-    error: float
-    solution: Solution | None
+    def coarser(self, curve: Equations, point: Point, on: OnOther) -> tuple[Equations, Point] | None:
+        """Return a curve with fewer harmonics, and its point in the place of one of this; None where they do not do."""
+        self._wait -= 1
+        if self._wait > 0:
+            return None
+        seen = self._view(curve, point)
+        enough = self._accuracy.enough(seen.curve, seen.y)
+        if enough >= curve.problem.n_harmonics:
+            return None
+        fewer = _with(curve, enough)
+        there = on(fewer, point, curve)
+        if there is not None and fewer.resampled(there.y) is None:
+            error = self._accuracy.judge(*self._view(fewer, there)).error
+            if error <= WELL_BELOW * self._policy.tolerance:
+                return fewer, there
+        self._wait = PATIENCE
+        return None
 
+    def settled(
+        self,
+        curve: Equations,
+        before: Point,
+        after: Point,
+        found: tuple[SpecialPoint, ...],
+        detect: Detect,
+        on: OnOther,
+    ) -> tuple[SpecialPoint, ...] | Equations:
+        """Return the special points of a step with as many harmonics as it takes until they stay, or a finer curve.
 
-class _Resolver:
-    """The points of a branch, each solved again with the number of harmonics that it needs."""
-
-    def __init__(
-        self, branch: Branch, problem: HarmonicBalance, tolerance: float, at_most: int, method: Newton
-    ) -> None:
-        self._branch, self._tolerance, self._at_most, self._method = branch, tolerance, at_most, method
-        # a branch may begin at rest, where nothing can be measured relative to the solution
-        floor = 1e-3 * float(np.linalg.norm(branch.coefficients, axis=(1, 2)).max()) or 1.0
-        values = problem.values(branch.solution(0).parameters)
-        self._curve = along_parameter(problem, values, branch.name, span=branch.span, floor=floor)
-        self._curves = {problem.n_harmonics: self._curve}
-        self._points = [self._curve.point(branch.coefficients[i], branch.parameter[i]) for i in range(len(branch))]
-
-    def point(self, i: int, n_harmonics: int) -> _Row:
-        """Return a point with no less than the given number of harmonics."""
-        points = self._points
-        tangent = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
+        The step is looked at with more and more harmonics. Where it has other special points then, those with fewer are
+        not those of the motion: the step is to be made again with more.
+        """
         while True:
-            curve = self._with_harmonics(n_harmonics)
-            guess, along = (curve.carried_from(self._curve, v) for v in (points[i], tangent))
-            row = along / curve.scale(guess) ** 2
-            found = correct(curve, guess, row / np.linalg.norm(row), self._method)
-            finer = curve.resampled(found.y) if found.converged else None
-            if finer is not None:
-                self._curves[n_harmonics] = finer
-            elif found.converged:
-                estimate = Estimate(curve, found.y, row)
-                if estimate.error <= self._tolerance or n_harmonics >= self._at_most:
-                    return _Row(float(found.y[-1]), n_harmonics, estimate.error, curve.solution(found.y))
-                n_harmonics = min(self._at_most, estimate.harmonics_for(self._tolerance))
-            elif n_harmonics >= self._at_most:
-                return _Row(float(points[i][-1]), n_harmonics, float("nan"), None)
-            else:
-                n_harmonics += 1
+            more = self._policy.above(curve.problem.n_harmonics + 1)
+            if more <= curve.problem.n_harmonics:
+                return tuple(dataclasses.replace(point, converged=False) for point in found)
+            finer = _with(curve, more)
+            step = self._step(finer, on(finer, before, curve), on(finer, after, curve))
+            better = detect(finer, *step) if step is not None else None
+            if better is None or [point.kind for point in better] != [point.kind for point in found]:
+                logger.info(
+                    "%s near %s = %.8g with %d harmonics, %s with %d: the step is made again",
+                    _words(found),
+                    curve.name,
+                    after.value,
+                    curve.problem.n_harmonics,
+                    _words(better or ()),
+                    more,
+                )
+                return finer
+            assert step is not None
+            errors = [self._difference(finer, *pair) for pair in zip(found, better, strict=True)]
+            better = tuple(
+                dataclasses.replace(point, truncation_error=error, converged=error <= self._policy.tolerance)
+                for point, error in zip(better, errors, strict=True)
+            )
+            if max(errors) <= self._policy.tolerance:
+                return better
+            curve, found, (before, after) = finer, better, step
 
-    def _with_harmonics(self, n_harmonics: int) -> Equations:
-        if n_harmonics not in self._curves:
-            self._curves[n_harmonics] = self._curve.on(self._curve.problem.with_harmonics(n_harmonics))
-        return self._curves[n_harmonics]
+    def _judge(self, curve: Equations, point: Point) -> int:
+        """Return the number of harmonics that a point should have, and keep its error."""
+        judgement = self._accuracy.judge(*self._view(curve, point))
+        self._latest = point, judgement.error
+        return judgement.n_harmonics
+
+    def _step(self, curve: Equations, before: Point | None, after: Point | None) -> tuple[Point, Point] | None:
+        """Return two points as the ends of a step that the continuation would accept, with its branch point."""
+        if before is None or after is None:
+            return None
+        newton, row = self._options.newton, before.tangent / before.scale**2
+        verdict = accepted(
+            curve,
+            None,
+            before,
+            after,
+            angle=LENIENT * np.radians(self._options.angle),
+            newton=newton,
+            at=lambda step: finish(curve, before.y + step * before.tangent, row, before, newton),
+        )
+        return None if verdict.point is None else (before, verdict.point)
+
+    def _difference(self, curve: Equations, fewer: SpecialPoint, more: SpecialPoint) -> float:
+        """Return by how much a special point moves when it has more harmonics, as errors of solutions are measured."""
+        one, other = (curve.point(each.solution.coefficients, each.value) for each in (fewer, more))
+        return self._accuracy.difference(curve, one, other)
 
 
-def _resolved(
-    rows: list[_Row], branch: Branch, problem: HarmonicBalance, tolerance: float, message: str
-) -> ResolvedBranch:
-    largest = max((row.n_harmonics for row in rows), default=1)
-    coefficients = np.zeros((len(rows), problem.shape[0], 2 * largest + 1))
-    amplitudes = np.zeros((len(rows), len(branch.output_names), largest + 1), dtype=complex)
-    for i, row in enumerate(rows):
-        if row.solution is None:
-            coefficients[i], amplitudes[i] = np.nan, np.nan
-        else:
-            coefficients[i, :, : 2 * row.n_harmonics + 1] = row.solution.coefficients
-            amplitudes[i, :, : row.n_harmonics + 1] = row.solution.amplitudes
-    return ResolvedBranch(
-        name=branch.name,
-        parameter=np.array([row.parameter for row in rows]),
-        n_harmonics=np.array([row.n_harmonics for row in rows], dtype=int),
-        truncation_error=np.array([row.error for row in rows]),
-        coefficients=coefficients,
-        amplitudes=amplitudes,
-        output_names=branch.output_names,
-        periods=branch.periods,
-        parameters=branch.solution(len(branch) - 1).parameters,
-        tolerance=tolerance,
-        message=message,
-        problem=problem,
-    )
+def _with(curve: Equations, n_harmonics: int) -> Equations:
+    return curve.on(curve.problem.with_harmonics(n_harmonics))
+
+
+def _words(points: tuple[SpecialPoint, ...]) -> str:
+    return ", ".join(point.kind.value for point in points) or "no special point"

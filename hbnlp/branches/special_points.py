@@ -12,6 +12,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.kinds import Kind
 from hbnlp.core.layout import Column, flag, mapping, maybe, name_in, number, numbers_by_name, pair, table, whole
 from hbnlp.core.types import Array
+from hbnlp.fourier import n_coefficients, padded, resize
 from hbnlp.solutions.solution import Solution
 from hbnlp.systems.symmetry import Symmetry
 
@@ -42,6 +43,12 @@ class SpecialPoint:
         truncated equations alone.
     sensitivity : dict
         At a fold: derivative of its value by every other parameter, from the left null vector.
+    truncation_error : float or None
+        By how much it moved when it was solved for with more harmonics, relative to its size; of a peak the estimated
+        error of its motion, normal to the branch. None where their number was given.
+    converged : bool or None
+        Whether that is within the tolerance; False where the most harmonics do not do, None where their number was
+        given.
     breaks : Symmetry or None
         At a branch point: the symmetry of the motion that the other branch loses, a pitchfork. None where it loses
         none, a plain crossing, and at all other points. Over several forcing periods it may be the shift by one.
@@ -57,7 +64,14 @@ class SpecialPoint:
     null: Array | None = field(default=None, repr=False)
     multiplier: complex | None = None
     sensitivity: Mapping[str, float] = field(default_factory=dict)
+    truncation_error: float | None = None
+    converged: bool | None = None
     breaks: Symmetry | None = None
+
+    @property
+    def n_harmonics(self) -> int:
+        """Number of harmonics of its solution."""
+        return self.solution.n_harmonics
 
     @property
     def problem(self) -> HarmonicBalance | None:
@@ -66,18 +80,20 @@ class SpecialPoint:
 
     def __repr__(self) -> str:
         state = "" if self.refined else " (not refined)"
+        state += " (not converged in harmonics)" if self.converged is False else ""
         state += f", breaks {self.breaks.name!r}" if self.breaks is not None else ""
         return f"{self.kind.value} at {self.value:.12g}{state}, between {self.bracket[0]:.8g} and {self.bracket[1]:.8g}"
 
 
 COLUMNS = {
-    "special_coefficients": Column("specials dof 2H+1"),
-    "special_amplitudes": Column("specials outputs H+1", complex),
-    "special_null": Column("specials dof 2H+1", finite=False),  # nan where there is none
+    "special_coefficients": Column("specials dof 2S+1"),
+    "special_amplitudes": Column("specials outputs S+1", complex),
+    "special_null": Column("specials dof 2S+1", finite=False),  # nan where there is none
+    "special_n_harmonics": Column("specials", int, optional=True),
     "special_breaks": Column("specials dof dof", finite=False, optional=True),
 }
 ROWS = table(
-    {"breaks": None},  # files from before there was such a thing
+    {"breaks": None, "truncation_error": None, "converged": None},  # files from before there were such things
     kind=name_in(Kind),
     value=number,
     bracket=pair(number),
@@ -87,39 +103,46 @@ ROWS = table(
     statistics=mapping,
     multiplier=maybe(pair(number)),
     sensitivity=numbers_by_name,
+    truncation_error=maybe(number),
+    converged=maybe(flag),
     breaks=maybe(mapping),
 )
 
 
-def packed(points: Sequence[SpecialPoint], shape: tuple[int, ...]) -> dict[str, Any]:
-    """Return `COLUMNS` and rows of special points, whose coefficients have a shape (n_dof, 2H+1)."""
+def packed(points: Sequence[SpecialPoint], n_dof: int) -> dict[str, Any]:
+    """Return `COLUMNS` and rows of special points of a system; harmonics that one does not have are zero."""
     content: dict[str, Any] = {"special_points": [_row(p) for p in points], **dict.fromkeys(COLUMNS)}
     if points:
-        content["special_coefficients"] = np.array([p.solution.coefficients for p in points])
-        content["special_amplitudes"] = np.array([p.solution.amplitudes for p in points])
-        absent = np.full(shape, np.nan)
-        content["special_null"] = np.array([absent if p.null is None else p.null for p in points])
+        numbers = [p.n_harmonics for p in points]
+        most = max(numbers)
+        content["special_n_harmonics"] = np.array(numbers)
+        content["special_coefficients"] = np.array([resize(p.solution.coefficients, most) for p in points])
+        content["special_amplitudes"] = np.array([padded(p.solution.amplitudes, most) for p in points])
+        absent = np.full((n_dof, n_coefficients(most)), np.nan)
+        content["special_null"] = np.array([absent if p.null is None else resize(p.null, most) for p in points])
     if any(p.breaks is not None for p in points):
-        none = np.full((shape[0], shape[0]), np.nan)
+        none = np.full((n_dof, n_dof), np.nan)
         content["special_breaks"] = np.array([none if p.breaks is None else p.breaks.matrix for p in points])
     return content
 
 
 def unpacked(content: dict[str, Any], problem: HarmonicBalance | None) -> tuple[SpecialPoint, ...]:
     """Take what `packed` made out of the content of a branch's file, and return the special points."""
-    coefficients, amplitudes, nulls, breaks = (content.pop(name) for name in COLUMNS)
+    coefficients, amplitudes, nulls, numbers, breaks = (content.pop(name) for name in COLUMNS)
     points = []
     for i, row in enumerate(content["special_points"]):
         if row["index"] >= len(content["parameter"]):
             raise ValueError(f"special point {i} lies after point {row['index']} of {len(content['parameter'])}")
+        n_harmonics = coefficients.shape[2] // 2 if numbers is None else int(numbers[i])
+        own = slice(n_coefficients(n_harmonics))
         solution = Solution(
-            coefficients=coefficients[i],
-            amplitudes=amplitudes[i],
+            coefficients=coefficients[i, :, own],
+            amplitudes=amplitudes[i, :, : n_harmonics + 1],
             parameters=row["parameters"],
             statistics=row["statistics"],
             output_names=content["output_names"],
             periods=content["periods"],
-            problem=problem,
+            problem=None if problem is None else problem.carrying(n_harmonics),
         )
         broken = row["breaks"]
         points.append(
@@ -131,9 +154,11 @@ def unpacked(content: dict[str, Any], problem: HarmonicBalance | None) -> tuple[
                 index=row["index"],
                 refined=row["refined"],
                 solution=solution,
-                null=None if np.all(np.isnan(nulls[i])) else nulls[i],
+                null=None if np.all(np.isnan(nulls[i])) else nulls[i, :, own],
                 multiplier=None if row["multiplier"] is None else complex(*row["multiplier"]),
                 sensitivity=row["sensitivity"],
+                truncation_error=row["truncation_error"],
+                converged=row["converged"],
                 breaks=None if broken is None else Symmetry(breaks[i], shift=broken["shift"], name=broken["name"]),
             )
         )
@@ -151,5 +176,7 @@ def _row(point: SpecialPoint) -> dict[str, Any]:
         "statistics": dict(point.solution.statistics),
         "multiplier": None if point.multiplier is None else [point.multiplier.real, point.multiplier.imag],
         "sensitivity": dict(point.sensitivity),
+        "truncation_error": point.truncation_error,
+        "converged": point.converged,
         "breaks": None if point.breaks is None else {"name": point.breaks.name, "shift": point.breaks.shift},
     }

@@ -16,6 +16,7 @@ from hbnlp.core.errors import SamplingError
 from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.cold_start import linear_size
+from hbnlp.solutions.columns import check_numbers
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, attached, guess_for
@@ -82,8 +83,9 @@ def resumed_start(
         If the branch is not of this problem, parameter, or stability.
     """
     _check_resumable(name, at, branch, stability)
+    check_numbers(problem, branch.n_harmonics, what="branch")
     last = branch.solution(len(branch) - 1)
-    check_belongs(problem, last, what="branch", where="the last point of ")
+    check_belongs(problem.carrying(last.n_harmonics), last, what="branch", where="the last point of ")
     if len(branch) == 1:
         return fresh_start(problem, name, span, at=branch.parameters, start=last, direction=direction)
     curve, first = _first(problem, name, span, branch.parameters, last)
@@ -106,7 +108,10 @@ def _first(
     """Return the curve and its first point, which is solved for unless it is a solution already."""
     parameters = problem.system.parameters
     parameters.values(at, but=parameters.names)  # what is wrong with them is said here
-    x = guess_for(problem, start) if isinstance(start, Solution) else None
+    asked, x = problem, None
+    if isinstance(start, Solution):
+        problem = problem.carrying(start.n_harmonics * max(problem.periods // start.periods, 1))
+        x = guess_for(problem, start)
     its = parameters.of_start(start.parameters) if isinstance(start, Solution) else {}
     given = {name: span[0], **its, **(at or {})}
     values = problem.values(given)
@@ -115,7 +120,7 @@ def _first(
         raise ValueError(f"the start has {name} = {here:g}, outside the span {span}")
     sampled = None if x is None else _solved(problem, x, values)
     if x is None or sampled is None:
-        found = solve(problem, at=given, start=start)
+        found = solve(asked, at=given, start=start)
         sampled, x = attached(found), found.coefficients.ravel()
     problem = sampled
     curve = along_parameter(problem, values, name, span=span, floor=_smallest_solution(problem, values, name, span, x))

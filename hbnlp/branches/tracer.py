@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Iterator, Mapping
+from functools import partial
 
 import casadi as ca
 from numpy.typing import ArrayLike
@@ -13,8 +14,9 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.collecting import Traced, make_branch
 from hbnlp.branches.detection import Detector
+from hbnlp.branches.resolution import Resolution
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.branches.starting import fresh_start, resumed_start
+from hbnlp.branches.starting import Start, fresh_start, resumed_start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.point import Point
 from hbnlp.continuation.walk import Walk
@@ -24,6 +26,7 @@ from hbnlp.core.interrupts import guarded, interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
+from hbnlp.solutions.equations import Equations
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
@@ -87,20 +90,24 @@ class Tracer(StaysHere):
             begin = resumed_start(problem, name, self.span, resume, at=at, direction=direction, stability=stability)
         else:
             begin = fresh_start(problem, name, self.span, at=at, start=start, direction=direction)
+        self._resolution = Resolution(problem, self.options) if problem.truncation is not None else None
+        if self._resolution is not None:
+            begin = self._resolved(begin, resume)
         # that of the last point: the walk may be on a finer one already, for a step that it does not come to make
         self._curve = begin.curve
         self._last = begin.point
         self._moved: Traced | None = None
         evaluator = None if stability is None else FloquetEvaluator.of(problem, stability)
         self._detector = Detector(evaluator, self.options.newton)
+        self._found: tuple[Point, tuple[SpecialPoint, ...]] | None = None
         low, high = sorted(self.span)
         self._walk = Walk(
             begin.curve,
             begin.point,
             self.options,
             limits=(low, high),
-            renew=lambda curve, point: curve.resampled(point.y),
-            inspect=self._detector.shorter_step,
+            judge=self._judge,
+            alike=self._detector.alike,
             origin=begin.origin,
             n_points=len(resume) if resume is not None else 1,
         )
@@ -158,10 +165,18 @@ class Tracer(StaysHere):
             yield self._kept(self._walk.point, ())
         if self.end is None:
             for before, after in self._steps():
+                if self.n_points == self._walk.n_points and self._records:
+                    self._take_back()
                 if before is not self._last:
                     self._correct(before)
-                found = self._detector.between(self._walk.curve, before, after, self.n_points - 1)
+                curve = self._walk.curve
+                if self._found is not None and self._found[0] is after:
+                    found = self._found[1]
+                else:
+                    found = self._detector.between(curve, before, after, self.n_points - 1)
+                self._detector.passed(curve, before, after)
                 yield self._kept(after, found)
+                self._go_on_with_fewer(after)
 
     def _steps(self) -> Iterator[tuple[Point, Point]]:
         """Yield the steps of the walk; where a corner or singularity of the force ends it, keep that as the reason."""
@@ -178,23 +193,76 @@ class Tracer(StaysHere):
             corners = [curve.problem.corner(curve.unknowns.coefficients(y), curve.values(y)) for y in motions]
             self._corner = next((f"{self._walk.stop.value}; perhaps because {each}" for each in corners if each), "")
 
+    def _judge(self, curve: Equations, before: Point, after: Point) -> Equations | float | None:
+        """Return a curve on which a step is to be made again, the length of a shorter one, or None: it will do."""
+        other = curve.resampled(after.y)
+        if other is None and self._resolution is not None:
+            other = self._resolution.finer(curve, after)
+        if other is not None:
+            return other
+        shorter = self._detector.shorter_step(curve, before, after)
+        if shorter is not None or self._resolution is None:
+            return shorter
+        detect = partial(self._detector.between, index=self._walk.n_points - 1)
+        found = detect(curve, before, after)
+        settled = self._resolution.settled(curve, before, after, found, detect, self._walk.on) if found else ()
+        if isinstance(settled, Equations):
+            return settled
+        self._found = after, settled
+        return None
+
+    def _go_on_with_fewer(self, point: Point) -> None:
+        """Go on with fewer harmonics where these do; the point that is kept has its own."""
+        if self._resolution is None or self.end is not None:
+            return
+        fewer = self._resolution.coarser(self._walk.curve, point, self._walk.on)
+        if fewer is not None and self._detector.alike(point, *fewer):
+            self._detector.same(point, fewer[1])
+            self._walk.go_on(*fewer)
+            self._last = fewer[1]
+
     def _kept(self, point: Point, special_points: tuple[SpecialPoint, ...]) -> Traced:
         curve = self._walk.curve
         floquet = self._detector.multipliers(curve, point)
-        self._records.append(Traced(point=point, curve=curve, floquet=floquet, special_points=special_points))
+        error = None
+        if self._resolution is not None:
+            self._resolution.see(curve, point.y)
+            error = self._resolution.error(curve, point)
+        if self._records:
+            self._records[-1] = _slim(self._records[-1])
+        self._records.append(
+            Traced(point=point, curve=curve, floquet=floquet, special_points=special_points, truncation_error=error)
+        )
         self._last, self._curve = point, curve
         self._n_folds += sum(found.kind is Kind.FOLD for found in special_points)
         return self._records[-1]
 
+    def _take_back(self) -> None:
+        """Drop the last point: the step to it was made again, with more harmonics."""
+        dropped = self._records.pop()
+        self._n_folds -= sum(found.kind is Kind.FOLD for found in dropped.special_points)
+
     def _correct(self, before: Point) -> None:
         """Put the beginning of a step in its record's place: the walk found it anew, with more samples of the force."""
         curve = self._walk.curve
-        record = Traced(point=before, curve=curve, floquet=self._detector.multipliers(curve, before), special_points=())
+        floquet = self._detector.multipliers(curve, before)
+        error = self._resolution.error(curve, before) if self._resolution is not None else None
+        record = Traced(point=before, curve=curve, floquet=floquet, special_points=(), truncation_error=error)
         if self._records:
             record = dataclasses.replace(record, special_points=self._records[-1].special_points)
             self._records[-1] = record
         else:
             self._moved = record
+
+    def _resolved(self, begin: Start, resume: Branch | None) -> Start:
+        """Return a start with the harmonics that it asks for; of a branch that is resumed it has them."""
+        assert self._resolution is not None
+        if resume is None:
+            return self._resolution.start(begin, self.span)
+        for solution in map(resume.solution, range(len(resume))):
+            curve = begin.curve.on(begin.curve.problem.carrying(solution.n_harmonics))
+            self._resolution.see(curve, curve.point(solution.coefficients, solution.parameters[self.name]))
+        return begin
 
     def _check_fresh(self, point: Point) -> None:
         """Refuse a way out of the span, and warn of a system that is unstable about rest."""
@@ -207,6 +275,11 @@ class Tracer(StaysHere):
         if not ca.depends_on(system.force, system.tau):
             with contextlib.suppress(NonFiniteError):  # a force that is singular at rest has no stability there
                 check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
+
+
+def _slim(record: Traced) -> Traced:
+    """Return a record without the factors at its point, which take far more memory than all else that is kept."""
+    return dataclasses.replace(record, point=dataclasses.replace(record.point, factors=None))
 
 
 def _problem_and_start(

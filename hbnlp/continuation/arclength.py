@@ -18,7 +18,7 @@ import numpy as np
 from hbnlp.continuation.acceptance import REFUSED, accepted
 from hbnlp.continuation.curve import Curve
 from hbnlp.continuation.newton import Newton
-from hbnlp.continuation.point import Point, carried, finish
+from hbnlp.continuation.point import Point, finish
 from hbnlp.core.checks import instance_of, real_number, whole_number
 from hbnlp.core.types import Array
 
@@ -157,28 +157,10 @@ class Continuation(Generic[C]):
             self.step = verdict.length or 0.5 * self.step
         raise StopContinuation(reason)
 
-    def resume_on(self, curve: C, limits: tuple[float, float] | None = None) -> None:
-        """Go on from the last point along another curve, whose own point nearest to it is found first.
-
-        One that lies on a parameter limit stays there: its place on the other curve is sought at that value.
-
-        Raises
-        ------
-        StopContinuation
-            If there is none.
-        """
-        base = carried(self.point, self.curve, curve)
-        row = base.tangent / base.scale**2
-        fresh = dataclasses.replace(base, factors=None)
-        again = None
-        if limits is not None and self.point.value in limits:
-            again = self._at_value(curve, base.y, base)
-        again = again or finish(curve, base.y, row, base, self.options.newton)
-        again = again or finish(curve, base.y, row, fresh, self.options.newton)
-        if again is None:
-            raise StopContinuation(Stop.STEP_TOO_SMALL)
-        self.point = dataclasses.replace(again, arclength=base.arclength)
-        self.curve, self._before, self._bend = curve, None, np.zeros_like(self.point.y)
+    def go_on(self, curve: C, point: Point) -> None:
+        """Go on along another curve from a point of it, nearest to one of the present curve."""
+        self.point, self.curve = point, curve
+        self._before, self._bend = None, np.zeros_like(point.y)
 
     def _trial(self, base: Point, step: float, limits: tuple[float, float] | None) -> Point | None:
         guess = base.y + step * base.tangent
@@ -197,15 +179,11 @@ class Continuation(Generic[C]):
         length = min(step, (bound - base.value) / base.tangent[-1])
         guess = base.y + length * base.tangent
         guess[-1] = bound
-        return self._at_value(self.curve, guess, base)
-
-    def _at_value(self, curve: C, guess: Array, base: Point) -> Point | None:
-        """Return the point of a curve that has the parameter of a guess, or None."""
         row = np.zeros(guess.size)
         row[-1] = 1.0 / base.scale[-1]
-        point = finish(curve, guess, row, base, self.options.newton)
+        point = finish(self.curve, guess, row, base, self.options.newton)
         if point is not None:
-            point.y[-1] = guess[-1]  # exactly, also where it is zero
+            point.y[-1] = bound  # exactly, also where it is zero
         return point
 
     def at(self, base: Point, step: float) -> Point | None:

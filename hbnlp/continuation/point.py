@@ -77,6 +77,26 @@ def carried(point: Point, curve: Curve, other: Curve) -> Point:
     return dataclasses.replace(point, y=y, tangent=tangent, scale=scale, factors=factors)
 
 
+def corrected(point: Point, curve: Curve, other: Curve, options: Newton, *, fixed: bool = False) -> Point | None:
+    """Return the point of another curve nearest to one of a curve, at the same arclength; None if there is none.
+
+    It is sought in the plane normal to the tangent, or where the parameter is the same if that is to be ``fixed``.
+    """
+    base = carried(point, curve, other)
+    row = base.tangent / base.scale**2
+    if fixed:
+        row = np.zeros(row.size)
+        row[-1] = 1.0 / base.scale[-1]
+    again = finish(other, base.y, row, base, options)
+    if again is None and base.factors is not None:
+        again = finish(other, base.y, row, dataclasses.replace(base, factors=None), options)
+    if again is None:
+        return None
+    if fixed:
+        again.y[-1] = base.y[-1]  # exactly
+    return dataclasses.replace(again, arclength=base.arclength)
+
+
 def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton) -> Point | None:
     """Return the corrected point with its tangent, turned the way of ``base``, or None if Newton's method failed."""
     near = (base.factors, base.tangent) if base.factors is not None else None

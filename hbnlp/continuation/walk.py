@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from hbnlp.continuation.arclength import C, Continuation, PseudoArclength, Stop, StopContinuation
 from hbnlp.continuation.branch_points import Arc
-from hbnlp.continuation.point import Point, carried
+from hbnlp.continuation.point import Point, carried, corrected
 
 FEWEST_POINTS = 4
 """A curve with fewer points behind it is not looked at for closing on itself."""
@@ -38,12 +38,14 @@ class Walk(Generic[C]):
     options : PseudoArclength
     limits : (float, float), optional
         Range of the continuation parameter, the last unknown: a step across its end is cut to end on it.
-    renew : callable (curve, point) -> curve or None, optional
-        Asked at the end of each step for another curve to go on with, where this one does not serve there (with more
-        samples of a force); the step is then made again on it, so that both its ends lie on one curve. None: go on. The
-        curve carries points over (`Curve.carried_from`), so that it may have other unknowns: more harmonics.
-    inspect : callable (curve, before, after) -> length or None, optional
-        Asked after that for a shorter step to make instead, where this one hides something; None: it does not.
+    judge : callable (curve, before, after) -> curve, length or None, optional
+        Asked at the end of each step. A curve: this one does not serve there (it takes more samples of a force, or more
+        harmonics, so that the other may have other unknowns: it carries points over, `Curve.carried_from`); the step is
+        made again on that, so that both its ends lie on one curve. A length: the step hides something, and a shorter
+        one is made instead. None: go on.
+    alike : callable (point, curve, other) -> bool, optional
+        Whether a point, and the one in its place on another curve, are on the same side of all special points. Where
+        they are not, the step before is made again as well: ``n_points`` is less then.
     origin : Point, optional
         Where the curve began, by default the start: coming back to it in the same direction ends the walk.
     n_points : int
@@ -64,16 +66,15 @@ class Walk(Generic[C]):
         options: PseudoArclength,
         *,
         limits: tuple[float, float] | None = None,
-        renew: Callable[[C, Point], C | None] | None = None,
-        inspect: Callable[[C, Point, Point], float | None] | None = None,
+        judge: Callable[[C, Point, Point], C | float | None] | None = None,
+        alike: Callable[[Point, C, Point], bool] | None = None,
         origin: Point | None = None,
         n_points: int = 1,
     ) -> None:
         self._stepper = Continuation(curve, start, options)
         self._options, self._limits = options, limits
-        self._renew, self._inspect = renew, inspect
-        self._origin = origin or start
-        self._still = start
+        self._judge, self._alike = judge, alike
+        self._origin, self._earlier, self._still = (curve, origin or start), (curve, start), start
         self.n_points = n_points
         self.stop: Stop | None = Stop.LIMIT if self.leaves(start) else None
 
@@ -121,18 +122,14 @@ class Walk(Generic[C]):
             except StopContinuation as stop:
                 self.stop = stop.reason
                 return
-            other = self._renew(self.curve, after) if self._renew is not None else None
-            if other is not None:
-                self._origin = carried(self._origin, self.curve, other)
-                self._stepper.point = before
-                try:
-                    self._stepper.resume_on(other, self._limits)
-                except StopContinuation as stop:
-                    self.stop = stop.reason
-                continue
-            shorter = self._inspect(self.curve, before, after) if self._inspect is not None else None
-            if shorter is not None and shorter >= self._options.min_step:
-                self._stepper.retract(shorter)
+            verdict = self._judge(self.curve, before, after) if self._judge is not None else None
+            if isinstance(verdict, float):
+                if verdict >= self._options.min_step:
+                    self._stepper.retract(verdict)
+                    continue
+            elif verdict is not None:
+                if not self._made_again(verdict, before):
+                    self.stop = Stop.STEP_TOO_SMALL
                 continue
             again = self._closing(before, after)
             if again is not None:
@@ -142,7 +139,36 @@ class Walk(Generic[C]):
             elif self._runs_away(after):
                 self.stop = Stop.UNBOUNDED
             self.n_points += 1
+            self._earlier = self.curve, before
             yield before, again or after
+
+    def on(self, other: C, point: Point, curve: C | None = None) -> Point | None:
+        """Return the point of another curve in the place of one of the present curve, or of the one given, or None.
+
+        One that lies on a limit has its place there.
+        """
+        at_limit, own = self._limits is not None and point.value in self._limits, curve or self.curve
+        again = corrected(point, own, other, self._options.newton, fixed=at_limit)
+        return again or (corrected(point, own, other, self._options.newton) if at_limit else None)
+
+    def go_on(self, curve: C, point: Point) -> None:
+        """Go on along another curve, from its point in the place of the last."""
+        self._stepper.go_on(curve, point)
+
+    def _made_again(self, other: C, before: Point) -> bool:
+        """Set out again along another curve from the beginning of a step; return whether there is a point to do so."""
+        here = self.on(other, before)
+        if here is None:
+            self._stepper.go_on(self.curve, before)
+            return False
+        if self._alike is not None and not self._alike(before, other, here) and self.n_points > 1:
+            curve, point = self._earlier
+            there = self.on(other, point, curve) if point is not before else None
+            if there is not None and self._alike(point, other, there):
+                self.n_points -= 1
+                here = there
+        self._stepper.go_on(other, here)
+        return True
 
     def _runs_away(self, after: Point) -> bool:
         """Return whether the solution has grown far while the parameter stood still.
@@ -155,35 +181,39 @@ class Walk(Generic[C]):
         moves = STILL * (scale if there <= here else max(there, SOON * scale))
         if abs(after.value - self._still.value) > moves:
             self._still = after
-        return bool(np.max(after.scale[:-1] / self._still.scale[:-1]) > GROWN)
+        return bool(after.scale[0] > GROWN * self._still.scale[0])
 
     def _closing(self, before: Point, after: Point) -> Point | None:
         """Return the first point of the curve again if the step passed it in the same direction."""
         if self.n_points < FEWEST_POINTS:
             return None
         row = before.tangent / before.scale**2
-        to_origin = self._origin.y - before.y
+        origin = carried(self._origin[1], self._origin[0], self.curve)
+        to_origin = origin.y - before.y
         ahead, length = float(row @ to_origin), float(row @ (after.y - before.y))
-        if not 0.0 < ahead <= length or float(row @ self._origin.tangent) <= 0.0:
+        if not 0.0 < ahead <= length or float(row @ origin.tangent) <= 0.0:
             return None
         aside = np.linalg.norm((to_origin - ahead * before.tangent) / before.scale)
         if aside > ASIDE * length:
             return None
+        if self._origin[0] is not self.curve:
+            origin = corrected(self._origin[1], self._origin[0], self.curve, self._options.newton) or origin
+            ahead = float(row @ (origin.y - before.y))
         again = self._stepper.at(before, ahead)
-        if again is None and self._on_arc(before, after):
-            again = self._origin  # beside a branch point correctors fail
-        if again is None or np.linalg.norm((again.y - self._origin.y) / before.scale) > SAME:
+        if again is None and self._on_arc(origin, before, after):
+            again = origin  # beside a branch point correctors fail
+        if again is None or np.linalg.norm((again.y - origin.y) / before.scale) > SAME:
             return None
         length = float(np.linalg.norm((again.y - before.y) / before.scale))
         # the step went on past the first point: what it crossed there is in the first step as well
         crossed = after.branch_point if again.orientation != before.orientation else None
         return dataclasses.replace(again, arclength=before.arclength + length, branch_point=crossed)
 
-    def _on_arc(self, before: Point, after: Point) -> bool:
+    def _on_arc(self, origin: Point, before: Point, after: Point) -> bool:
         """Return whether the first point lies on the cubic through a step."""
         arc = Arc(before.y, after.y, (before.tangent, after.tangent), before.scale)
 
         def distance(share: float) -> float:
-            return float(np.linalg.norm((arc.at(share) - self._origin.y) / before.scale))
+            return float(np.linalg.norm((arc.at(share) - origin.y) / before.scale))
 
         return bool(minimize_scalar(distance, bounds=(0.0, 1.0), method="bounded").fun <= ON_ARC * arc.length)

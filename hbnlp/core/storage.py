@@ -26,6 +26,12 @@ FORMAT = 1
 FOREIGN = (".csv", ".txt", ".json", ".mat", ".h5")
 """Endings of other formats, which a NumPy archive is not to have."""
 
+GONE = {
+    "resolved branch": "of an earlier version: trace it anew with HarmonicBalance(system, tolerance=...), "
+    "or read its arrays with numpy.load"
+}
+"""Kinds of files that no record is read from any more, and what to do with them."""
+
 _METADATA = "metadata.json"
 _MEMBER = ".npy"
 # What is larger in memory than _ALWAYS bytes must not be more than _RATIO times its file: numbers that were computed
@@ -120,7 +126,8 @@ def load_arrays(
         found, version = metadata.pop("kind"), metadata.pop("format", 0)
         listed = metadata.pop("arrays", sorted(arrays))
     if found != kind:
-        raise LoadError(f"{str(source)!r} holds a {found}, not a {kind}; load it as what it is")
+        also = f", {GONE[str(found)]}" if str(found) in GONE else f", not a {kind}; load it as what it is"
+        raise LoadError(f"{str(source)!r} holds a {found}{also}")
     if not isinstance(version, int) or version > FORMAT:
         raise LoadError(
             f"{str(source)!r} is of format {version!r}, this version of hbnlp reads formats up to {FORMAT}; "

@@ -12,6 +12,7 @@ from hbnlp.continuation.newton import LARGEST_RESIDUAL, Correction, Newton, corr
 from hbnlp.core.errors import SamplingError
 from hbnlp.core.kinds import Status
 from hbnlp.core.types import Array
+from hbnlp.solutions.accuracy import Accuracy
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.ipopt import Ipopt, minimise
 from hbnlp.solutions.rootfinder import Rootfinder
@@ -24,8 +25,50 @@ ROUGH = "at the motion that is found"
 Method = Newton | Ipopt | Rootfinder
 
 
-def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Method, *, start: str) -> Solution:
-    """Return what the method makes of a guess, with enough samples of the force; ``start`` says where it is from."""
+def attempt(
+    problem: HarmonicBalance,
+    values: Array,
+    guess: Array,
+    method: Method,
+    *,
+    start: str,
+    accuracy: Accuracy | None = None,
+) -> Solution:
+    """Return what the method makes of a guess, with enough samples of the force; ``start`` says where it is from.
+
+    Of a problem with a tolerance it has as many harmonics as that asks for, or the most that there may be; ``accuracy``
+    is that of the record that it belongs to, where there is one.
+    """
+    if accuracy is None and problem.truncation is not None:
+        accuracy = Accuracy(problem)
+    problem, correction = _sampled(problem, values, guess, method)
+    error: float | None = None
+    while accuracy is not None and correction.converged:
+        curve = along_load(problem, values)
+        y = curve.unknowns.joined(correction.y, [1.0])
+        error, wanted, better = accuracy.judge(curve, y, curve.unknowns.fixing_last())
+        if wanted == problem.n_harmonics:
+            break
+        problem = problem.with_harmonics(wanted)
+        problem, correction = _sampled(problem, values, problem.vector(better), method)
+    statistics: dict[str, float | str] = {
+        "start": start,
+        "method": type(method).__name__,
+        "iterations": correction.iterations,
+        "residual": correction.residual,
+    }
+    if error is not None:
+        statistics["truncation_error"] = error
+    if not correction.converged:
+        statistics["reason"] = correction.reason
+    status = Status.CONVERGED if correction.converged else Status.NOT_CONVERGED
+    return make_solution(problem, correction.y, values, status=status, statistics=statistics)
+
+
+def _sampled(
+    problem: HarmonicBalance, values: Array, guess: Array, method: Method
+) -> tuple[HarmonicBalance, Correction]:
+    """Return what the method makes of a guess, and the problem with the samples of the force that suffice there."""
     correction = iterate(problem, guess, values, method)
     try:
         while correction.converged and not problem.samples_suffice(correction.y, values):
@@ -34,16 +77,7 @@ def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Metho
             correction = iterate(problem, correction.y, values, method)
     except SamplingError as error:
         correction = dataclasses.replace(correction, converged=False, reason=f"{ROUGH}, {error}")
-    statistics: dict[str, float | str] = {
-        "start": start,
-        "method": type(method).__name__,
-        "iterations": correction.iterations,
-        "residual": correction.residual,
-    }
-    if not correction.converged:
-        statistics["reason"] = correction.reason
-    status = Status.CONVERGED if correction.converged else Status.NOT_CONVERGED
-    return make_solution(problem, correction.y, values, status=status, statistics=statistics)
+    return problem, correction
 
 
 def meets_a_corner(failed: Solution) -> bool:

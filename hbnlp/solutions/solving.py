@@ -14,10 +14,13 @@ from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.renamed import renamed_arguments
+from hbnlp.solutions.accuracy import problem_and_guess
 from hbnlp.solutions.attempt import Method, attempt
 from hbnlp.solutions.cold_start import cold_start
-from hbnlp.solutions.solution import Solution, guess_for
+from hbnlp.solutions.solution import Solution
 
+MANY = 20
+"""Harmonics of the forcing with which a cold start begins at most, where fewer lead nowhere."""
 LARGEST_LOAD = 1e100
 """Of larger ones the squares, which norms sum, are no numbers any more."""
 
@@ -71,12 +74,19 @@ def solve(
     instance_of("method", method, Method, "Newton(), Ipopt() or Rootfinder()")
     flag("throw", throw)
     if start is not None:
-        first = guess_for(problem, start)
+        problem, first = problem_and_guess(problem, start)
         if not np.all(np.isfinite(first)):
             raise ValueError("the start has entries that are not finite; give finite coefficients")
         solution = attempt(problem, values, first, method, start="given")
     else:
         solution = cold_start(problem, values, method)
+        policy = problem.truncation
+        while (
+            not solution.converged and policy is not None and problem.n_harmonics < policy.above(MANY * policy.periods)
+        ):
+            # a motion need not show with few harmonics
+            problem = problem.with_harmonics(policy.above(2 * problem.n_harmonics))
+            solution = cold_start(problem, values, method)
     if solution.converged or not throw:
         return solution
     reason, corner = solution.statistics["reason"], problem.corner(solution.coefficients, values)

@@ -162,6 +162,23 @@ def test_a_program_says_what_is_missing(problem, branch):
         program.solve({"cubic": 0.1}, data=[1.0])
 
 
+def test_a_problem_with_a_tolerance_is_refused_with_the_number_to_give(problem):
+    """A program has one number of harmonics: it cannot be raised while variables move."""
+    tolerant = hbnlp.HarmonicBalance(problem.system, tolerance=1e-6)
+    fold = hbnlp.trace(tolerant, "omega", (0.7, 1.6), stability=None).folds[0]
+    shared = Variables({"cubic": (0.01, 1.0)})
+    given = rf"has tolerance = 1e-06, but .* HarmonicBalance\(system, n_harmonics={fold.n_harmonics}\)"
+    for refused in (tolerant, fold.problem):
+        with pytest.raises(ValueError, match=given):
+            response_at(refused, shared, fold.solution)
+        with pytest.raises(ValueError, match=given):
+            fold_at(refused, shared, fold, "omega")
+        with pytest.raises(ValueError, match=given):
+            hbnlp.identification.Identification(shared, refused, [({"omega": 1.1}, fold.solution)], "x")
+    fixed = hbnlp.HarmonicBalance(problem.system, n_harmonics=fold.n_harmonics)
+    assert fold_at(fixed, shared, fold, "omega").problem is fixed
+
+
 def test_only_what_users_need_is_shown():
     for name in hbnlp.design.__all__:
         assert getattr(hbnlp.design, name).__module__.startswith("hbnlp.design.")
