@@ -1,9 +1,8 @@
-"""From the points of a trace to a Branch, after those of the branch it resumed."""
+"""The points of a trace as they come, after those of the branch that it resumes, and the Branch that they make."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +12,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.point import Point
-from hbnlp.core.kinds import End
+from hbnlp.core.kinds import End, Kind
 from hbnlp.core.types import Array
 from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.columns import not_met
@@ -37,54 +36,97 @@ class Traced:
         return self.curve.problem.n_samples
 
 
-def make_branch(
-    records: Sequence[Traced],
-    curve: Equations,
-    span: tuple[float, float],
-    *,
-    end: End,
-    message: str,
-    refused: int,
-    resumed: Branch | None,
-    moved: Traced | None = None,
-) -> Branch:
-    """Return the branch of all records, those of ``resumed`` first; ``curve`` has what all of them share.
+class Collection:
+    """The points of a trace so far.
 
-    ``moved`` takes the place of the last point of ``resumed``, where that was found anew with more samples.
+    Parameters
+    ----------
+    curve : Equations
+        That of the first point.
+    resumed : Branch or None
+        The branch whose points come first.
+
+    Attributes
+    ----------
+    curve : Equations
+        That of the last point: it has what all points share.
+    records : list of Traced
+    n_folds : int
+        Folds so far, those resumed from included.
     """
-    problem, name = curve.problem, curve.name
-    columns = _columns([moved, *records] if moved is not None else records, problem)
-    points = tuple(special for record in records for special in record.special_points)
-    if resumed is not None and not records:
-        columns, points, refused = (
-            {key: getattr(resumed, key) for key in columns},
-            resumed.special_points,
-            resumed.refused,
+
+    def __init__(self, curve: Equations, resumed: Branch | None) -> None:
+        self.curve, self.records = curve, list[Traced]()
+        self.n_folds = len(resumed.folds) if resumed is not None else 0
+        self._resumed = resumed
+        self._moved: Traced | None = None  # in the place of the last point of the branch that is resumed
+
+    def __len__(self) -> int:
+        return len(self.records) + (len(self._resumed) if self._resumed is not None else 0)
+
+    def add(self, record: Traced) -> None:
+        """Take the next point."""
+        if self.records:
+            self.records[-1] = _slim(self.records[-1])
+        self.records.append(record)
+        self.curve = record.curve
+        self.n_folds += _n_folds(record)
+
+    def drop(self) -> None:
+        """Forget the last point: the step to it is made again."""
+        self.n_folds -= _n_folds(self.records.pop())
+
+    def correct(self, record: Traced) -> None:
+        """Put a point in the place of the last one: it was found anew, with more samples or other harmonics."""
+        if self.records:
+            self.records[-1] = dataclasses.replace(record, special_points=self.records[-1].special_points)
+        else:
+            self._moved = record
+
+    def branch(self, span: tuple[float, float], *, end: End, message: str, refused: int) -> Branch:
+        """Return the branch of all points."""
+        problem, name, resumed = self.curve.problem, self.curve.name, self._resumed
+        columns = _columns([self._moved, *self.records] if self._moved is not None else self.records, problem)
+        points = tuple(special for record in self.records for special in record.special_points)
+        if resumed is not None and not self.records:
+            columns, points, refused = (
+                {key: getattr(resumed, key) for key in columns},
+                resumed.special_points,
+                resumed.refused,
+            )
+        elif resumed is not None:
+            shift = float(resumed.arclength[-1])
+            columns["arclength"] = columns["arclength"] + shift
+            kept = len(resumed) - (self._moved is not None)
+            for key, column in columns.items():
+                old = getattr(resumed, key)
+                columns[key] = None if old is None or column is None else _joined(old[:kept], column)
+            points = resumed.special_points + points
+            refused += resumed.refused
+        return Branch(
+            **columns,
+            name=name,
+            span=span,
+            special_points=tuple(_bracketed(point, columns["parameter"]) for point in points),
+            end=end,
+            message=message + not_met(columns["truncation_error"], problem),
+            parameters={key: value for key, value in self.curve.fixed_parameters().items() if key != name},
+            parameter_names=problem.system.parameters.names,
+            system_name=problem.system.name,
+            output_names=problem.system.output_names,
+            periods=problem.periods,
+            refused=refused,
+            problem=problem if problem.truncation is None else problem.with_harmonics(problem.truncation.first),
         )
-    elif resumed is not None:
-        shift = float(resumed.arclength[-1])
-        columns["arclength"] = columns["arclength"] + shift
-        kept = len(resumed) - (moved is not None)
-        for key, column in columns.items():
-            old = getattr(resumed, key)
-            columns[key] = None if old is None or column is None else _joined(old[:kept], column)
-        points = resumed.special_points + points
-        refused += resumed.refused
-    return Branch(
-        **columns,
-        name=name,
-        span=span,
-        special_points=tuple(_bracketed(point, columns["parameter"]) for point in points),
-        end=end,
-        message=message + not_met(columns["truncation_error"], problem),
-        parameters={key: value for key, value in curve.fixed_parameters().items() if key != name},
-        parameter_names=problem.system.parameters.names,
-        system_name=problem.system.name,
-        output_names=problem.system.output_names,
-        periods=problem.periods,
-        refused=refused,
-        problem=problem if problem.truncation is None else problem.with_harmonics(problem.truncation.first),
-    )
+
+
+def _n_folds(record: Traced) -> int:
+    return sum(found.kind is Kind.FOLD for found in record.special_points)
+
+
+def _slim(record: Traced) -> Traced:
+    """Return a record without the factors at its point, which take far more memory than all else that is kept."""
+    return dataclasses.replace(record, point=dataclasses.replace(record.point, factors=None))
 
 
 def _joined(old: Array, new: Array) -> Array:
@@ -101,7 +143,7 @@ def _bracketed(point: SpecialPoint, parameter: Array) -> SpecialPoint:
     return point if point.bracket == bracket else dataclasses.replace(point, bracket=bracket)
 
 
-def _columns(records: Sequence[Traced], problem: HarmonicBalance) -> dict[str, Any]:
+def _columns(records: list[Traced], problem: HarmonicBalance) -> dict[str, Any]:
     numbers = np.array([record.curve.problem.n_harmonics for record in records], dtype=int)
     most = int(numbers.max(initial=1))
     n, n_outputs = problem.system.n_dof, len(problem.system.output_names)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.starting import Start
 from hbnlp.continuation.acceptance import accepted
@@ -98,6 +99,13 @@ class Resolution:
             curve, point = finer, there
             finer = self.finer(curve, point)
         return begin._replace(curve=curve, point=point, origin=point)
+
+    def resumed(self, begin: Start, branch: Branch) -> Start:
+        """Return the start at the end of a branch, which has its harmonics, after a look at all that came before."""
+        for solution in map(branch.solution, range(len(branch))):
+            curve = begin.curve.on(begin.curve.problem.carrying(solution.n_harmonics))
+            self.see(curve, curve.point(solution.coefficients, solution.parameters[branch.name]))
+        return begin
 
     def see(self, curve: Equations, y: Array) -> None:
         """Take a point as one of the branch."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from collections.abc import Iterator, Mapping
 from functools import partial
 
@@ -12,18 +11,18 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
-from hbnlp.branches.collecting import Traced, make_branch
+from hbnlp.branches.collecting import Collection, Traced
 from hbnlp.branches.detection import Detector
 from hbnlp.branches.resolution import Resolution
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.branches.starting import Start, fresh_start, resumed_start
+from hbnlp.branches.starting import fresh_start, resumed_start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.point import Point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.checks import instance_of, refused
 from hbnlp.core.errors import CornerError, NonFiniteError
 from hbnlp.core.interrupts import guarded, interrupts_kept
-from hbnlp.core.kinds import End, Kind
+from hbnlp.core.kinds import End
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
 from hbnlp.solutions.equations import Equations
@@ -82,21 +81,20 @@ class Tracer(StaysHere):
         self.options = method or PseudoArclength()
         if not isinstance(direction, int) or isinstance(direction, bool) or direction not in (1, -1):
             raise refused(ValueError, "direction", direction, "1 (towards the end of the span) or -1")
-        self._records: list[Traced] = []
         self._resumed = resume
         self._corner = ""
-        self._n_folds = len(resume.folds) if resume is not None else 0
         if resume is not None:
             begin = resumed_start(problem, name, self.span, resume, at=at, direction=direction, stability=stability)
         else:
             begin = fresh_start(problem, name, self.span, at=at, start=start, direction=direction)
         self._resolution = Resolution(problem, self.options) if problem.truncation is not None else None
         if self._resolution is not None:
-            begin = self._resolved(begin, resume)
-        # that of the last point: the walk may be on a finer one already, for a step that it does not come to make
-        self._curve = begin.curve
+            begin = (
+                self._resolution.start(begin, self.span) if resume is None else self._resolution.resumed(begin, resume)
+            )
+        # the walk may be on a finer curve than the last point, for a step that it does not come to make
+        self._collection = Collection(begin.curve, resume)
         self._last = begin.point
-        self._moved: Traced | None = None
         evaluator = None if stability is None else FloquetEvaluator.of(problem, stability)
         self._detector = Detector(evaluator, self.options.newton)
         self._found: tuple[Point, tuple[SpecialPoint, ...]] | None = None
@@ -123,7 +121,7 @@ class Tracer(StaysHere):
     @property
     def problem(self) -> HarmonicBalance:
         """The problem, with the samples of the force that the last point takes."""
-        return self._curve.problem
+        return self._collection.curve.problem
 
     @property
     def end(self) -> End | None:
@@ -139,36 +137,32 @@ class Tracer(StaysHere):
     @property
     def n_points(self) -> int:
         """Points so far, those resumed from included."""
-        return len(self._records) + (len(self._resumed) if self._resumed is not None else 0)
+        return len(self._collection)
 
     @property
     def n_folds(self) -> int:
         """Folds so far, those resumed from included."""
-        return self._n_folds
+        return self._collection.n_folds
 
     def branch(self, end: End | None = None, message: str = "") -> Branch:
         """Return all points so far."""
         reason = end or self.end or End.STOPPED
-        return make_branch(
-            self._records,
-            self._curve,
+        return self._collection.branch(
             self.span,
             end=reason,
             message=message or (self._corner if reason is End.CORNER else reason.value),
             refused=self._walk.refused,
-            resumed=self._resumed,
-            moved=self._moved,
         )
 
     def _points(self) -> Iterator[Traced]:
-        if not self._records and self._resumed is None:
+        if not len(self._collection):
             yield self._kept(self._walk.point, ())
         if self.end is None:
             for before, after in self._steps():
-                if self.n_points == self._walk.n_points and self._records:
-                    self._take_back()
+                if self.n_points == self._walk.n_points and self._collection.records:
+                    self._collection.drop()  # the step to it was made again, with more harmonics
                 if before is not self._last:
-                    self._correct(before)
+                    self._collection.correct(self._traced(before, ()))
                 curve = self._walk.curve
                 if self._found is not None and self._found[0] is after:
                     found = self._found[1]
@@ -222,47 +216,22 @@ class Tracer(StaysHere):
             self._last = fewer[1]
 
     def _kept(self, point: Point, special_points: tuple[SpecialPoint, ...]) -> Traced:
-        curve = self._walk.curve
-        floquet = self._detector.multipliers(curve, point)
-        error = None
         if self._resolution is not None:
-            self._resolution.see(curve, point.y)
-            error = self._resolution.error(curve, point)
-        if self._records:
-            self._records[-1] = _slim(self._records[-1])
-        self._records.append(
-            Traced(point=point, curve=curve, floquet=floquet, special_points=special_points, truncation_error=error)
-        )
-        self._last, self._curve = point, curve
-        self._n_folds += sum(found.kind is Kind.FOLD for found in special_points)
-        return self._records[-1]
+            self._resolution.see(self._walk.curve, point.y)
+        record = self._traced(point, special_points)
+        self._collection.add(record)
+        self._last = point
+        return record
 
-    def _take_back(self) -> None:
-        """Drop the last point: the step to it was made again, with more harmonics."""
-        dropped = self._records.pop()
-        self._n_folds -= sum(found.kind is Kind.FOLD for found in dropped.special_points)
-
-    def _correct(self, before: Point) -> None:
-        """Put the beginning of a step in its record's place: the walk found it anew, with more samples of the force."""
+    def _traced(self, point: Point, special_points: tuple[SpecialPoint, ...]) -> Traced:
         curve = self._walk.curve
-        floquet = self._detector.multipliers(curve, before)
-        error = self._resolution.error(curve, before) if self._resolution is not None else None
-        record = Traced(point=before, curve=curve, floquet=floquet, special_points=(), truncation_error=error)
-        if self._records:
-            record = dataclasses.replace(record, special_points=self._records[-1].special_points)
-            self._records[-1] = record
-        else:
-            self._moved = record
-
-    def _resolved(self, begin: Start, resume: Branch | None) -> Start:
-        """Return a start with the harmonics that it asks for; of a branch that is resumed it has them."""
-        assert self._resolution is not None
-        if resume is None:
-            return self._resolution.start(begin, self.span)
-        for solution in map(resume.solution, range(len(resume))):
-            curve = begin.curve.on(begin.curve.problem.carrying(solution.n_harmonics))
-            self._resolution.see(curve, curve.point(solution.coefficients, solution.parameters[self.name]))
-        return begin
+        return Traced(
+            point=point,
+            curve=curve,
+            floquet=self._detector.multipliers(curve, point),
+            special_points=special_points,
+            truncation_error=self._resolution.error(curve, point) if self._resolution is not None else None,
+        )
 
     def _check_fresh(self, point: Point) -> None:
         """Refuse a way out of the span, and warn of a system that is unstable about rest."""
@@ -275,11 +244,6 @@ class Tracer(StaysHere):
         if not ca.depends_on(system.force, system.tau):
             with contextlib.suppress(NonFiniteError):  # a force that is singular at rest has no stability there
                 check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
-
-
-def _slim(record: Traced) -> Traced:
-    """Return a record without the factors at its point, which take far more memory than all else that is kept."""
-    return dataclasses.replace(record, point=dataclasses.replace(record.point, factors=None))
 
 
 def _problem_and_start(
