@@ -16,6 +16,7 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
+from hbnlp.solutions.odd import is_odd_throughout
 from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.solutions.solving import solve
@@ -23,6 +24,9 @@ from hbnlp.stability.result import Floquet
 
 SOLVED = 1e-9
 """A start whose residual is below this part of its terms is a solution, also at a fold, where Newton's method fails."""
+
+LARGE = 80
+"""Unknowns from which on the two parts of an odd motion's equations are quicker than the whole."""
 
 Span = tuple[float, float]
 
@@ -119,8 +123,10 @@ def _first(
         found = solve(asked, at=given, start=start)
         assert found.problem is not None
         problem, x = found.problem, found.coefficients.ravel()
-    curve = along_parameter(problem, values, name, span=span, floor=_smallest_solution(problem, values, name, span, x))
-    return curve, curve.unknowns.joined(x, [here])
+    floor = _smallest_solution(problem, values, name, span, x)
+    odd = (asked.truncation is not None or problem.size >= LARGE) and is_odd_throughout(problem, x, values, name, span)
+    curve = along_parameter(problem, values, name, span=span, floor=floor, odd=odd)
+    return curve, curve.point(x.reshape(problem.shape), here)
 
 
 def _is_solution(problem: HarmonicBalance, x: Array, values: Array) -> bool:
