@@ -72,9 +72,7 @@ class Multiplication:
     def _blocks(self) -> Blocks:
         """Blocks (count, L, L) of samples (n_samples, count)."""
         basis = self._basis
-        if not self._is_small(n_coefficients(basis.n_harmonics)):
-            return ToeplitzHankel(basis, self._derivative)
-        return Table(basis.projection, basis.derivative_sampling if self._derivative else basis.sampling)
+        return (Table if self._is_small(n_coefficients(basis.n_harmonics)) else ToeplitzHankel)(basis, self._derivative)
 
     def _is_small(self, length: int) -> bool:
         """Return whether a table is the quicker way to blocks (length, length)."""
@@ -82,11 +80,15 @@ class Multiplication:
 
 
 class Table:
-    """Blocks (count, L, L) of samples (n_samples, count) by a constant map (n_samples, L * L)."""
+    """Blocks (count, L, L) of samples (n_samples, count) by a constant map (n_samples, L * L).
 
-    def __init__(self, projection: Array, sampling: Array) -> None:
-        n_samples, self._length = sampling.shape
-        self._map = (projection.T[:, :, None] * sampling[:, None, :]).reshape(n_samples, -1)
+    ``which`` are the coefficients whose rows and columns they have, by default all.
+    """
+
+    def __init__(self, basis: FourierBasis, derivative: bool, which: IntArray | slice = slice(None)) -> None:
+        sampling = (basis.derivative_sampling if derivative else basis.sampling)[:, which]
+        self._length = sampling.shape[1]
+        self._map = (basis.projection[which].T[:, :, None] * sampling[:, None, :]).reshape(basis.n_samples, -1)
 
     def __call__(self, samples: Array) -> Array:
         """Return the blocks."""

@@ -129,10 +129,9 @@ class OddMultiplication(Multiplication):
     def _blocks(self) -> Blocks:
         """Blocks (count, L', L') of samples (n_samples, count), L' the number of coefficients of odd harmonics."""
         basis, odd = self._basis, odd_positions(self._basis.n_harmonics)
-        if not self._is_small(odd.size):
-            return OddToeplitzHankel(basis, self._derivative)
-        sampling = basis.derivative_sampling if self._derivative else basis.sampling
-        return Table(basis.projection[odd], sampling[:, odd])
+        if self._is_small(odd.size):
+            return Table(basis, self._derivative, odd)
+        return OddToeplitzHankel(basis, self._derivative)
 
 
 class OddToeplitzHankel(ToeplitzHankel):
