@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.assembly import Assembly
 from hbnlp.balance.corners import Corner, Corners
-from hbnlp.balance.output_groups import warn_of_switches
 from hbnlp.balance.odd import OddAssembly
+from hbnlp.balance.output_groups import warn_of_switches
 from hbnlp.balance.outputs import Outputs
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
 from hbnlp.balance.symbolic import Symbols

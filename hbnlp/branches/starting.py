@@ -13,6 +13,7 @@ from hbnlp.branches.branch import Branch
 from hbnlp.continuation.curve import TINY, relative_residual
 from hbnlp.continuation.point import Point, start_point
 from hbnlp.core.types import Array
+from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
@@ -25,8 +26,10 @@ from hbnlp.stability.result import Floquet
 SOLVED = 1e-9
 """A start whose residual is below this part of its terms is a solution, also at a fold, where Newton's method fails."""
 
-LARGE = 80
+LARGE = 200
 """Unknowns from which on the two parts of an odd motion's equations are quicker than the whole."""
+MANY = 15
+"""Harmonics that some point of a branch with a tolerance may well have."""
 
 Span = tuple[float, float]
 
@@ -124,7 +127,9 @@ def _first(
         assert found.problem is not None
         problem, x = found.problem, found.coefficients.ravel()
     floor = _smallest_solution(problem, values, name, span, x)
-    odd = (asked.truncation is not None or problem.size >= LARGE) and is_odd_throughout(problem, x, values, name, span)
+    n_dof, length = problem.shape
+    size = n_dof * (length if problem.truncation is None else max(length, n_coefficients(MANY)))
+    odd = size >= LARGE and is_odd_throughout(problem, x, values, name, span)
     curve = along_parameter(problem, values, name, span=span, floor=floor, odd=odd)
     return curve, curve.point(x.reshape(problem.shape), here)
 
