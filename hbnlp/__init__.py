@@ -45,6 +45,7 @@ from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.solutions.rootfinder import Rootfinder
 from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution
+from hbnlp.solutions.solution_set import SolutionSet
 from hbnlp.solutions.solving import solve
 from hbnlp.solutions.truncation import truncation_error
 from hbnlp.stability.multipliers import floquet
@@ -96,6 +97,7 @@ __all__ = [
     "SaveError",
     "Search",
     "Solution",
+    "SolutionSet",
     "SpecialPoint",
     "Status",
     "StopTracing",

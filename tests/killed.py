@@ -44,6 +44,26 @@ def sweep(folder):
     return hbnlp.sweep(problem(), "omega", FREQUENCIES, callbacks=callbacks)
 
 
+def search(folder):
+    """Make random starts, far more than it takes until the kill."""
+    callbacks = [
+        lambda progress: say(int(progress.value)),
+        hbnlp.Autosave(folder / "file.npz", seconds=1e-9),
+    ]
+    return hbnlp.find_all(problem(), at={"omega": 1.2}, method=hbnlp.Search(n_starts=10**6), callbacks=callbacks)
+
+
+def settle(folder):
+    """Integrate until it repeats itself to nothing, which it never does."""
+    callbacks = [
+        lambda progress: say(progress.counts["periods"]),
+        hbnlp.Autosave(folder / "file.npz", seconds=1e-9),
+    ]
+    hbnlp.integrate(
+        duffing(), at={"omega": 0.7}, periodic_tol=1e-300, max_periods=10**6, throw=False, callbacks=callbacks
+    )
+
+
 def run(folder):
     simulation = flow()
     checkpoint = dns.Checkpoint(folder / "file.npz", every=1)
@@ -54,4 +74,4 @@ def run(folder):
 
 
 if __name__ == "__main__":
-    {"trace": trace, "sweep": sweep, "run": run}[sys.argv[1]](Path(sys.argv[2]))
+    {"trace": trace, "sweep": sweep, "search": search, "settle": settle, "run": run}[sys.argv[1]](Path(sys.argv[2]))

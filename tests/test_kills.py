@@ -11,6 +11,7 @@ import pytest
 
 import hbnlp
 from hbnlp import dns
+from hbnlp.systems import duffing
 from hbnlp.testing import check_branch
 
 
@@ -61,6 +62,40 @@ def test_a_sweep_that_is_killed_loses_one_value_at_most_and_goes_on_from_its_las
     np.testing.assert_allclose(whole.coefficients[-5:], rest.coefficients, atol=1e-9)
     rest.save(tmp_path / "file.npz")
     assert only_the_file(tmp_path)
+
+
+@pytest.mark.parametrize("seconds", at_random("search"))
+def test_a_search_that_is_killed_loses_one_start_at_most_and_goes_on_as_if_it_had_not_been(tmp_path, seconds):
+    said = kill("search", tmp_path, seconds)
+    kept = hbnlp.SolutionSet.load(tmp_path / "file.npz", problem=killed.problem())
+    assert said - 1 <= kept.n_tried <= said + 1
+    assert not kept.complete
+    values, method, made = {"omega": 1.2}, hbnlp.Search(n_starts=kept.n_tried + 15), []
+    resumed = hbnlp.find_all(
+        killed.problem(),
+        at=values,
+        method=method,
+        known=kept,
+        callbacks=[hbnlp.Autosave(tmp_path / "file.npz"), lambda progress: made.append(progress.done)],
+    )
+    whole = hbnlp.find_all(killed.problem(), at=values, method=method)
+    assert made.count(False) == 15
+    assert resumed.complete
+    assert resumed.state == whole.state
+    np.testing.assert_array_equal([s.coefficients for s in resumed], [s.coefficients for s in whole])
+    assert hbnlp.SolutionSet.load(tmp_path / "file.npz").state == whole.state
+    assert only_the_file(tmp_path)
+
+
+def test_an_integration_that_is_killed_loses_one_window_at_most_and_goes_on_from_its_state(tmp_path):
+    said = kill("settle", tmp_path, 0.3)
+    kept = hbnlp.TimeResponse.load(tmp_path / "file.npz")
+    assert said - 1 <= kept.n_periods <= said + 1
+    options = {"at": {"omega": 0.7}, "method": kept.method, "periodic_tol": 1e-300, "throw": False}
+    rest = hbnlp.integrate(duffing(), start=kept, max_periods=3, **options)
+    whole = hbnlp.integrate(duffing(), max_periods=kept.n_periods + 3, **options)
+    np.testing.assert_array_equal(rest.q, whole.q)
+    np.testing.assert_array_equal(rest.state, whole.state)
 
 
 @pytest.mark.parametrize("seconds", at_random("run"))

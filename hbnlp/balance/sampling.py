@@ -97,14 +97,18 @@ class Sampling(FieldsAlone):
     def with_harmonics(self, n_harmonics: int) -> Sampling:
         """Return the policy for another number of harmonics.
 
-        Where the number of samples was given, or had to be raised, there are no fewer, nor fewer a harmonic.
+        Where the number of samples was given there are no fewer, nor fewer a harmonic. Where it had to be raised there
+        are no fewer: what the force takes depends on how steep it is, and is checked.
         """
         n_harmonics = whole_number("n_harmonics", n_harmonics, least=1, most=MOST_HARMONICS)
         other = Sampling._automatic(n_harmonics, self.periods, self.degree)
         if self.automatic:
             return other
-        in_proportion = ceil(self.n_samples * max(1.0, n_harmonics / self.n_harmonics))
-        n_samples = max(other.n_samples, min(in_proportion, max(MOST_SAMPLES, self.n_samples)))
+        enough = self.n_samples
+        if self.settled:
+            in_proportion = ceil(enough * max(1.0, n_harmonics / self.n_harmonics))
+            enough = max(enough, min(in_proportion, MOST_SAMPLES))
+        n_samples = max(other.n_samples, enough)
         return dataclasses.replace(other, n_samples=n_samples, settled=self.settled, automatic=False)
 
     @property
@@ -115,6 +119,13 @@ class Sampling(FieldsAlone):
     def dense(self) -> Sampling:
         """Return the policy with samples between which nothing wider than 1/2048 of a period is hidden."""
         n_samples = max(DENSE_SAMPLES, self.n_samples)
+        return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
+
+    def last_doubled(self) -> Sampling:
+        """Return the policy that doubling comes to at last but one: that with the most samples which may be doubled."""
+        n_samples = self.n_samples
+        while 4 * n_samples <= MOST_SAMPLES:
+            n_samples *= 2
         return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
 
     def doubled(self) -> Sampling:

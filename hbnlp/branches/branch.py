@@ -32,6 +32,7 @@ from hbnlp.core.records import AlongParameter, loaded, save_record
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
 from hbnlp.solutions.crossing import solution_between
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.solution import Solution, attached
@@ -256,6 +257,7 @@ class Branch(AlongParameter):
             content["special_points"] = unpacked(content, problem)
             branch = cls(**content, problem=problem)
         if problem is not None:
+            check_numbers(problem, branch.n_harmonics, what="branch")
             for index in {0, len(branch) - 1} if len(branch) else ():
                 solution = branch.solution(index)
                 check_belongs(problem.carrying(solution.n_harmonics), solution, what="branch")
@@ -279,22 +281,6 @@ class Branch(AlongParameter):
             f"  stability: {stability}\n"
             f"  end: {self.message}"
         )
-
-
-def numbers_of_harmonics(column: IntArray | None, coefficients: Array) -> IntArray:
-    """Return the number of harmonics of each point; a file of an earlier version says nothing, as all have as many.
-
-    Raises
-    ------
-    ValueError
-        If there is a number that is none of the coefficients (n_points, n_dof, 2H+1).
-    """
-    most = coefficients.shape[2] // 2
-    if column is None:
-        return np.full(len(coefficients), most)
-    if np.any((column < 1) | (column > most)):
-        raise ValueError(f"a point has {column.max()} or {column.min()} harmonics, the coefficients have {most}")
-    return column
 
 
 _LAYOUT = Layout(

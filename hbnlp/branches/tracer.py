@@ -40,6 +40,7 @@ _ENDS = {
     Stop.MAX_POINTS: End.MAX_POINTS,
     Stop.STEP_TOO_SMALL: End.STEP_TOO_SMALL,
     Stop.JUMP: End.JUMP,
+    Stop.UNBOUNDED: End.UNBOUNDED,
 }
 
 
@@ -165,7 +166,7 @@ class Tracer(StaysHere):
         if self.end is None:
             for before, after in self._steps():
                 if self.n_points == self._walk.n_points and self._records:
-                    self._records.pop()  # the step to it was made again, with more harmonics
+                    self._take_back()
                 if before is not self._last:
                     self._correct(before)
                 curve = self._walk.curve
@@ -217,7 +218,6 @@ class Tracer(StaysHere):
         fewer = self._resolution.coarser(self._walk.curve, point, self._walk.on)
         if fewer is not None and self._detector.alike(point, *fewer):
             self._detector.same(point, fewer[1])
-            self._detector.turned()
             self._walk.go_on(*fewer)
             self._last = fewer[1]
 
@@ -228,12 +228,19 @@ class Tracer(StaysHere):
         if self._resolution is not None:
             self._resolution.see(curve, point.y)
             error = self._resolution.error(curve, point)
+        if self._records:
+            self._records[-1] = _slim(self._records[-1])
         self._records.append(
             Traced(point=point, curve=curve, floquet=floquet, special_points=special_points, truncation_error=error)
         )
         self._last, self._curve = point, curve
         self._n_folds += sum(found.kind is Kind.FOLD for found in special_points)
         return self._records[-1]
+
+    def _take_back(self) -> None:
+        """Drop the last point: the step to it was made again, with more harmonics."""
+        dropped = self._records.pop()
+        self._n_folds -= sum(found.kind is Kind.FOLD for found in dropped.special_points)
 
     def _correct(self, before: Point) -> None:
         """Put the beginning of a step in its record's place: the walk found it anew, with more samples of the force."""
@@ -253,8 +260,7 @@ class Tracer(StaysHere):
         if resume is None:
             return self._resolution.start(begin, self.span)
         for solution in map(resume.solution, range(len(resume))):
-            assert solution.problem is not None
-            curve = begin.curve.on(solution.problem)
+            curve = begin.curve.on(begin.curve.problem.carrying(solution.n_harmonics))
             self._resolution.see(curve, curve.point(solution.coefficients, solution.parameters[self.name]))
         return begin
 
@@ -269,6 +275,11 @@ class Tracer(StaysHere):
         if not ca.depends_on(system.force, system.tau):
             with contextlib.suppress(NonFiniteError):  # a force that is singular at rest has no stability there
                 check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
+
+
+def _slim(record: Traced) -> Traced:
+    """Return a record without the factors at its point, which take far more memory than all else that is kept."""
+    return dataclasses.replace(record, point=dataclasses.replace(record.point, factors=None))
 
 
 def _problem_and_start(

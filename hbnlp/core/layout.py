@@ -218,6 +218,11 @@ def numbers_by_name(value: Any) -> dict[str, float]:
     return {name: number(each) for name, each in mapping(value).items()}
 
 
+def facts(value: Any) -> dict[str, float | str]:
+    """Numbers and texts by name."""
+    return {name: each if isinstance(each, str) else number(each) for name, each in mapping(value).items()}
+
+
 def name_in(kinds: type[enum.Enum]) -> Entry:
     """The name of a member of an enumeration, which is returned."""
 

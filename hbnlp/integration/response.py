@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
 from hbnlp.core.checks import position, whole_number
+from hbnlp.core.layout import (
+    Column,
+    Layout,
+    counted_from_one,
+    flag,
+    mapping,
+    maybe,
+    number,
+    numbers_by_name,
+    text,
+    texts,
+    whole,
+)
+from hbnlp.core.records import loaded, save_record
 from hbnlp.core.types import Array, ComplexArray
+from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
+from hbnlp.integration.runge_kutta import RungeKutta4
+
+_METHODS = {each.__name__: each for each in (RungeKutta4, Adaptive)}
 
 
 @final
@@ -92,6 +112,38 @@ class TimeResponse:
         """Return the complex amplitudes of all outputs, (n_outputs, n_harmonics + 1)."""
         return project(self._whole(self.signals), n_harmonics)
 
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the response to one ``.npz`` file without pickle, whole or not at all.
+
+        Raises
+        ------
+        SaveError
+            If the file cannot be written, or it was integrated by a method that is not the package's.
+        """
+        save_record(self, path, _LAYOUT, method=_said(self.method))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> TimeResponse:
+        """Return a response from a file that `save` wrote; `hbnlp.integrate` goes on with ``start=response``.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        LoadError
+            (A `ValueError`.) If the file is damaged or holds something else.
+        """
+        with loaded(path, _LAYOUT) as content:
+            n_state = 2 * content["q"].shape[1] + content["x"].shape[1]
+            if content["state"].size != n_state:
+                raise ValueError(f"its state has {content['state'].size} entries, its displacements need {n_state}")
+            if content["defects"].size * content["periods"] != content["n_periods"]:
+                raise ValueError(
+                    f"it has {content['defects'].size} defects, each over {content['periods']} of "
+                    f"{content['n_periods']} periods"
+                )
+            return cls(**content)
+
     def _whole(self, signals: Array) -> Array:
         if self.stopped_at is not None:
             raise ValueError("the integration broke off within its last period: there are no harmonics of it")
@@ -105,6 +157,47 @@ class TimeResponse:
             f"  {self.method!r}, {self.t.size} times in {self.periods} period{'s' if self.periods > 1 else ''}\n"
             f"  {self.message}"
         )
+
+
+def _said(method: Method) -> dict[str, Any]:
+    """Return a method by its name and options, or by its name alone if it is not the package's."""
+    options = dataclasses.asdict(method) if isinstance(method, RungeKutta4 | Adaptive) else {}
+    return {"name": type(method).__name__, **options}
+
+
+def _method(value: Any) -> Method:
+    """Return the method of such a name and options."""
+    options = mapping(value)
+    name = options.get("name")
+    if name not in [*_METHODS]:
+        raise ValueError(f"{name!r}; one of {', '.join(_METHODS)} is needed")
+    method: Method = _METHODS[name](**{key: each for key, each in options.items() if key != "name"})
+    return method
+
+
+_LAYOUT = Layout(
+    kind="time response",
+    columns={
+        "t": Column("times"),
+        "q": Column("times dof"),
+        "v": Column("times dof"),
+        "x": Column("times lags"),
+        "state": Column("states"),
+        "signals": Column("times outputs"),
+        "defects": Column("windows", finite=False),
+    },
+    entries={
+        "output_names": texts,
+        "parameters": numbers_by_name,
+        "periods": counted_from_one,
+        "periodic": flag,
+        "n_periods": whole,
+        "stopped_at": maybe(number),
+        "method": _method,
+        "message": text,
+    },
+    lengths={"outputs": "output_names"},
+)
 
 
 def project(signals: Array, n_harmonics: int) -> ComplexArray:

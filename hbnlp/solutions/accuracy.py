@@ -59,7 +59,9 @@ class Accuracy:
     def see(self, curve: Equations, y: Array) -> None:
         """Take a solution as one of the branch, against whose largest those near rest are measured."""
         self._largest = np.maximum(self._largest, np.linalg.norm(curve.coefficients(y), axis=1))
-        self._largest_outputs = np.maximum(self._largest_outputs, np.linalg.norm(self._harmonics(curve, y), axis=1))
+        if self._outputs:
+            outputs = np.linalg.norm(self._harmonics(curve, y), axis=1)
+            self._largest_outputs = np.maximum(self._largest_outputs, outputs)
 
     def judge(self, curve: Equations, y: Array, row: Array, factors: Bordered | None = None) -> Judgement:
         """Return the error of a solution on a curve, in the plane normal to ``row``, and the harmonics it should have.

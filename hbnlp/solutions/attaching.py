@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.continuation.curve import relative_residual
+from hbnlp.continuation.curve import TINY
 from hbnlp.core.checks import instance_of
-from hbnlp.solutions.equations import along_load, settled
-from hbnlp.solutions.solution import Solution
+
+if TYPE_CHECKING:
+    from hbnlp.solutions.solution import Solution
 
 LARGEST_RESIDUAL = 1e-6
 """A solution whose residual is a larger part of its terms is none of the problem."""
 
 
-def check_belongs(problem: HarmonicBalance, solution: Solution, *, what: str, where: str = "") -> None:
-    """Raise an error that says what differs unless a solution is one of the problem.
+def check_belongs(problem: HarmonicBalance, solution: Solution, *, what: str, where: str = "") -> HarmonicBalance:
+    """Return the problem with as many samples of the force as a solution of it needs; see what is raised for others.
 
     Parameters
     ----------
@@ -47,18 +50,14 @@ def check_belongs(problem: HarmonicBalance, solution: Solution, *, what: str, wh
     ):
         if its and sorted(its) != sorted(wanted):
             raise ValueError(f"the {what} has {name} {its}, the system {wanted}: give a problem of the same system")
-    curve = along_load(problem, problem.values(solution.parameters))
-    y = curve.point(solution.coefficients, 1.0)
-    residual = relative_residual(settled(curve, y), y)
+    x, values = solution.coefficients.ravel(), problem.values(solution.parameters)
+    while not problem.samples_suffice(x, values):
+        problem = problem.oversampled()
+    balance, terms = problem.assembly.residual(x, values), problem.assembly.term_size(x, values)
+    residual = float(np.abs(balance).max(initial=0.0)) / max(terms, TINY)
     if not residual <= LARGEST_RESIDUAL:
         raise ValueError(
             f"{where}the {what} has the residual {residual:.1e} in this system, more than {LARGEST_RESIDUAL:.0e}: give "
             "the system that it is of"
         )
-
-
-def with_problem(solution: Solution, problem: HarmonicBalance) -> Solution:
-    """Return a solution with its problem, if that is its own: see `check_belongs`."""
-    if solution.converged:
-        check_belongs(problem, solution, what="solution")
-    return dataclasses.replace(solution, problem=problem)
+    return problem

@@ -14,23 +14,20 @@ from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, interval, list_of, list_of_callables, real_number, whole_number
+from hbnlp.core.checks import counted, instance_of, interval, list_of, list_of_callables, real_number, whole_number
 from hbnlp.core.errors import ConvergenceError, NonFiniteError
+from hbnlp.core.generators import at_state, state_of
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.renamed import renamed_arguments
-from hbnlp.core.tasks import Ending, Report, drive
+from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, UNDER_WAY, Ending, Report, drive
 from hbnlp.core.types import Array
-from hbnlp.solutions.attempt import attempt
-from hbnlp.solutions.cold_start import linear_guess, linear_size
+from hbnlp.solutions.cold_start import linear_guess
 from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.equations import along_load
-from hbnlp.solutions.identity import meets, moved, without_turns
-from hbnlp.solutions.solution import Solution, guess_for
+from hbnlp.solutions.motions import Motions
+from hbnlp.solutions.solution import Solution
+from hbnlp.solutions.solution_set import SearchState, SolutionSet, set_with_problem
 from hbnlp.solutions.solving import solve
-from hbnlp.systems.symmetry import Symmetry
-
-REST = 1e-6
-"""Solutions are told apart relative to their size, or to this part of the largest: Newton's method ends near rest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +82,7 @@ def find_all(
     rng: np.random.Generator | None = None,
     known: Sequence[Solution] = (),
     callbacks: Callbacks = (),
-) -> list[Solution]:
+) -> SolutionSet:
     """Return the solutions at one parameter point that a search finds, smallest first.
 
     Newton's method, deflated by the solutions known so far, is run from random starts and from near each of them:
@@ -96,32 +93,41 @@ def find_all(
     Solutions are told apart as motions, by `same_motion`: shifts by whole forcing periods and turns of angles by 2 pi
     count once, the means of angles lying in (-pi, pi].
 
+    With a tolerance the search is made with five harmonics of the forcing's frequency, and each solution that it comes
+    to then has as many as it needs.
+
     Parameters
     ----------
     problem : HarmonicBalance
     at : mapping, optional
-        Parameter values.
+        Parameter values; by default those of a set that is ``known``.
     method : Search, optional
     rng : numpy Generator, optional
         By default seeded with 0: the same call finds the same solutions.
-    known : sequence of Solution
-        Solutions at this point that are known already; they are among the result.
+    known : sequence of Solution, or SolutionSet
+        Solutions at this point that are known already; they are among the result. A set that a search of this problem
+        at this point returned, in memory or from a file, is gone on with: none of its starts is made again, ``rng`` is
+        brought to where it was then, and what is found is what one search would have found.
     callbacks : sequence of callables
         Called after each start with a `Progress`; one that raises `StopTracing` ends the search, as Ctrl-C does, with
         the solutions found so far.
 
     Returns
     -------
-    list of Solution
+    SolutionSet
+        A sequence of Solution; ``message`` says how many starts were made, and what ended it before.
 
     Raises
     ------
     KeyError, ValueError
-        For a parameter that is not known, or has no value.
+        For a parameter that is not known, or has no value; a set of another system; a generator of another kind than
+        that of the set.
     TypeError
         For a problem, method, generator or callbacks of another kind.
     NonFiniteError
         If the force or its derivative is not finite at rest, and nothing is found.
+    TaskError
+        If a callback fails; its ``result`` is the set so far.
 
     References
     ----------
@@ -132,117 +138,145 @@ def find_all(
     instance_of("rng", rng, np.random.Generator | None, "a Generator, numpy.random.default_rng(seed)")
     list_of_callables("callbacks", callbacks)
     list_of("known", known, Solution, "a list of solutions, [solution]")
-    options, rng = method or Search(), rng or np.random.default_rng(0)
+    if at is None and isinstance(known, SolutionSet):
+        at = known.parameters
     values = problem.values(at)
-    motions = _Motions(problem, values, options)
-
-    def result(_ending: Ending) -> list[Solution]:
-        return sorted(motions.found, key=lambda s: float(np.linalg.norm(s.coefficients)))
-
-    work = _attempts(problem, values, at, motions, known, options, rng)
-    solutions = drive("searching", work, result, name="start", callbacks=callbacks)
-    if not solutions:
+    work = _Run(problem, values, method or Search(), rng, known)
+    found = drive("searching", work.steps(), work.result, name="start", callbacks=callbacks)
+    if not found:
         linear_guess(problem, values)  # where the force is singular at rest, that is said
-    return solutions
+    return found
 
 
-def _attempts(
-    problem: HarmonicBalance,
-    values: Array,
-    at: Mapping[str, float] | None,
-    motions: _Motions,
-    known: Sequence[Solution],
-    options: Search,
-    rng: np.random.Generator,
-) -> Iterator[Report]:
-    """Add to what is found: around the known solutions and a cold start, then from one random start after another."""
-    for solution in known:
-        motions.polish(guess_for(problem, solution), "known")
-    with contextlib.suppress(ConvergenceError, NonFiniteError):
-        motions.add(solve(problem, at=at))
-    reference = motions.largest
-    visited = 0
-    for start in range(options.n_starts + 1):
-        if start > 0:
-            _run(problem, values, _random(problem, reference, options, rng), motions, options, "random start")
-        while visited < len(motions.found):
-            vector = problem.vector(motions.found[visited].coefficients)
-            if not motions.is_image[visited]:
-                for crossing in _crossings_of_load(problem, values, vector, options):
-                    motions.polish(crossing, "varied load")
-            visited += 1
-            for _ in range(options.n_deflated * problem.periods):
-                nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
-                near = vector + nudge / np.sqrt(vector.size)
-                _run(problem, values, near, motions, options, "deflation")
-        yield Report(start, start / max(options.n_starts, 1), {"solutions": len(motions.found)})
+class _Run:
+    """A search under way: around the known solutions and a cold start, then from one random start after another.
 
-
-class _Motions:
-    """The motions found so far, each followed by its images, which need not be searched for.
-
-    Attributes
-    ----------
-    found : list of Solution
-    is_image : list of bool
-        Whether each of them was made instead of found: whatever is traced from it is an image, too.
+    Where it is after a start is kept, so that a search which ends within the next one begins that anew.
     """
 
-    def __init__(self, problem: HarmonicBalance, values: Array, options: Search) -> None:
-        self.found: list[Solution] = []
-        self.is_image: list[bool] = []
-        self._problem, self._values, self._options = problem, values, options
-        self._identity = Symmetry.identity(problem.system.n_dof)
-        self._symmetries = problem.system.symmetries_at(values)
-        self._least = linear_size(problem, values)
+    def __init__(
+        self,
+        problem: HarmonicBalance,
+        values: Array,
+        options: Search,
+        rng: np.random.Generator | None,
+        known: Sequence[Solution],
+    ) -> None:
+        self._problem, self._values, self._options, self._known = problem, values, options, known
+        self._motions = Motions(problem, values, options.newton, options.separation)
+        self._late: list[Solution] = []  # of a start that was not over: it is made again
+        self._tried, self._searched, self._place, self._n_spurious = 0, 0, 0, 0
+        self._scale: float | None = None
+        if isinstance(known, SolutionSet) and _is_of(known, problem, values):
+            self._go_on(set_with_problem(known, problem))
+            self._rng = at_state(known.state.generator, rng)
+        else:
+            self._rng = rng or np.random.default_rng(0)
+        self._generator = state_of(self._rng)
 
-    @property
-    def largest(self) -> float:
-        """Size of the largest solution, or of the linear response; 1 where all is at rest."""
-        return max([self._least, *(float(np.linalg.norm(s.coefficients)) for s in self.found)]) or 1.0
+    def _go_on(self, before: SolutionSet) -> None:
+        """Take what a search had when its last start was over."""
+        state = before.state
+        self._known, self._tried, self._scale = (), before.n_tried, state.scale
+        self._searched = self._place = state.searched
+        for i in state.order[: state.searched]:
+            self._motions.take(before[i], is_image=state.images[i])
+        self._motions.spurious = [np.array(root) for root in state.spurious]
+        self._n_spurious = len(state.spurious)
+        self._late = [before[i] for i in state.order[state.searched :]]
 
-    def polish(self, guess: Array, start: str) -> None:
-        """Add what Newton's method makes of a guess; ``start`` says where it is from."""
-        self.add(attempt(self._problem, self._values, guess, self._options.newton, start=start))
+    def steps(self) -> Iterator[Report]:
+        """Add to what is found, start by start."""
+        scale = self._scale
+        if scale is None:
+            scale = self._first()
+            yield self._done(0, scale)
+        for start in range(self._tried + 1, self._options.n_starts + 1):
+            self._run(_random(self._motions.searched, scale, self._options, self._rng), "random start")
+            yield self._done(start, scale)
 
-    def add(self, solution: Solution) -> None:
-        """Add a motion and its images, unless it did not converge or is known."""
-        if not solution.converged or self._is_known(solution):
-            return
-        self._keep(solution, is_image=False)
-        for image in (solution.image(symmetry) for symmetry in self._symmetries):
-            if not self._is_known(image):
-                self._keep(image, is_image=True)
+    def _first(self) -> float:
+        """Add the known solutions and a cold start, and return the size of the largest."""
+        for solution in self._known:
+            self._motions.polish(solution, "known")
+        with contextlib.suppress(ConvergenceError, NonFiniteError):
+            self._motions.add(solve(self._problem, at=self._problem.system.parameters.as_dict(self._values)))
+        return self._motions.largest
 
-    def _keep(self, solution: Solution, *, is_image: bool) -> None:
-        angles = self._problem.system.angles
-        if angles:
-            solution = solution.with_coefficients(without_turns(solution.coefficients, angles))
-        self.found.append(solution)
-        self.is_image.append(is_image)
+    def _around(self) -> None:
+        """Search around each solution that is new."""
+        motions, options, rng = self._motions, self._options, self._rng
+        while self._place < len(motions.found):
+            vector = motions.roots[self._place]
+            if not motions.is_image[self._place]:
+                for crossing in _crossings_of_load(motions.searched, self._values, vector, options):
+                    motions.polish(crossing, "varied load")
+            self._place += 1
+            for _ in range(options.n_deflated * motions.searched.periods):
+                nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
+                self._run(vector + nudge / np.sqrt(vector.size), "deflation")
 
-    def poles(self) -> list[Array]:
-        """Return the vectors from which deflation leads away: all motions, as they look from any forcing period."""
-        poles = []
-        for solution in self.found:
-            seen: list[Array] = []
-            for k in range(self._problem.periods):
-                x = moved(solution.coefficients, self._identity, solution.periods, later=k).ravel()
-                # a motion of fewer periods is there once: two poles in one place would push twice as far
-                if all(np.linalg.norm(x - other) > self._options.separation * np.linalg.norm(x) for other in seen):
-                    seen.append(x)
-            poles += seen
-        return poles
+    def _run(self, start: Array, how: str) -> None:
+        options, motions = self._options, self._motions
+        root = deflated_newton(motions.searched, self._values, start, motions.poles(), options.max_iterations)
+        if root is not None:
+            motions.polish_root(root, how)
 
-    def _is_known(self, solution: Solution) -> bool:
-        floor, tol = REST * self.largest, self._options.separation
-        return any(meets(solution, other, self._identity, tol, floor=floor) for other in self.found)
+    def _done(self, start: int, scale: float) -> Report:
+        """Search around what is new, keep where the search is then, and say it."""
+        self._around()
+        for solution in self._late:
+            self._motions.add(solution)
+        self._late = []
+        self._around()
+        self._tried, self._searched, self._scale = start, len(self._motions.found), scale
+        self._n_spurious, self._generator = len(self._motions.spurious), state_of(self._rng)
+        return Report(start, start / max(self._options.n_starts, 1), {"solutions": self._searched})
+
+    def result(self, ending: Ending) -> SolutionSet:
+        """Return what there is."""
+        problem, motions = self._problem, self._motions
+        late = [solution for solution in self._late if not motions.has(solution)]
+        found, images = motions.found + late, motions.is_image + [False] * len(late)
+        by_size = sorted(range(len(found)), key=lambda i: float(np.linalg.norm(found[i].coefficients)))
+        n_starts = max(self._options.n_starts, self._tried)
+        return SolutionSet(
+            solutions=tuple(found[i] for i in by_size),
+            parameters=problem.system.parameters.as_dict(self._values),
+            system_name=problem.system.name,
+            output_names=problem.system.output_names,
+            periods=problem.periods,
+            n_starts=n_starts,
+            n_tried=self._tried,
+            complete=self._scale is not None and self._tried == n_starts,
+            message=_message(ending, self._tried, n_starts),
+            state=SearchState(
+                order=tuple(np.argsort(by_size).tolist()),
+                images=tuple(images[i] for i in by_size),
+                searched=self._searched,
+                scale=self._scale,
+                generator=self._generator,
+                spurious=tuple(tuple(root.tolist()) for root in motions.spurious[: self._n_spurious]),
+            ),
+            problem=problem,
+        )
 
 
-def _run(problem: HarmonicBalance, values: Array, start: Array, motions: _Motions, options: Search, how: str) -> None:
-    guess = deflated_newton(problem, values, start, motions.poles(), options.max_iterations)
-    if guess is not None:
-        motions.polish(guess, how)
+def _message(ending: Ending, tried: int, n_starts: int) -> str:
+    if ending is COMPLETE:
+        return f"all {counted(n_starts, 'random start')} made" if n_starts else "no random starts were asked for"
+    done = f"{tried} of {counted(n_starts, 'random start')}"
+    left = tried < n_starts and ending in (INTERRUPTED, STOPPED)
+    advice = "; go on with find_all(problem, known=found)" if left else ""
+    return f"{ending} after {done}" if ending is UNDER_WAY else ending.after(done) + advice
+
+
+def _is_of(found: SolutionSet, problem: HarmonicBalance, values: Array) -> bool:
+    """Return whether a set is of a search with a problem's unknowns at a point: it can be gone on with."""
+    return found.parameters == problem.system.parameters.as_dict(values) and all(
+        each.coefficients.shape == problem.carrying(each.n_harmonics).shape and each.periods == problem.periods
+        for each in found
+    )
 
 
 def _crossings_of_load(problem: HarmonicBalance, values: Array, x: Array, options: Search) -> list[Array]:

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import finite_array, position, refused
+from hbnlp.core.checks import finite_array, instance_of, position, refused
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
+from hbnlp.core.layout import Column, Layout, counted_from_one, facts, name_in, numbers_by_name, table, texts
+from hbnlp.core.records import loaded, save_record
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
+from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.identity import meets, moved
 from hbnlp.systems.symmetry import Symmetry, inherent
 
@@ -24,6 +28,8 @@ from hbnlp.systems.symmetry import Symmetry, inherent
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """A periodic solution ``q(tau) = a_0 + sum_h a_{2h-1} cos(h tau / periods) + a_{2h} sin(h tau / periods)``.
+
+    Many methods: what a motion is asked for, most in one line.
 
     Attributes
     ----------
@@ -137,15 +143,74 @@ class Solution:
         amplitudes = problem.output_harmonics(coefficients.ravel(), problem.values(self.parameters))[0]
         return replace(self, coefficients=coefficients, amplitudes=amplitudes)
 
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the solution to one ``.npz`` file without pickle, whole or not at all.
+
+        Its origin is written with it, without an origin that this may have.
+
+        Raises
+        ------
+        SaveError
+            If it cannot be written; an older file is as it was.
+        """
+        origin = self.origin
+        save_record(
+            self,
+            path,
+            _LAYOUT,
+            status=self.status.name,
+            origin=[] if origin is None else [_row(origin)],
+            origin_coefficients=None if origin is None else origin.coefficients[None],
+            origin_amplitudes=None if origin is None else origin.amplitudes[None],
+        )
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Solution:
+        """Return a solution from a file that `save` wrote, with its problem if that is given.
+
+        Parameters
+        ----------
+        path : path-like
+        problem : HarmonicBalance, optional
+            The problem that it is of, whose balance it solves (the harmonics of an integration may do so to 1e-4
+            only, which is refused). Without one the solution can be read, and be a start.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        LoadError
+            (A `ValueError`.) If the file is damaged or holds something else.
+        ValueError
+            If the problem is not the solution's: the message says in what they differ.
+        TypeError
+            If ``problem`` is something else.
+        """
+        instance_of(
+            "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
+        )
+        with loaded(path, _LAYOUT) as content:
+            rows, coefficients, amplitudes = (
+                content.pop(name) for name in ("origin", "origin_coefficients", "origin_amplitudes")
+            )
+            if len(rows) > 1:
+                raise ValueError(f"it has {len(rows)} origins; one or none is needed")
+            names, origin = content["output_names"], None
+            if rows:
+                origin = cls(coefficients=coefficients[0], amplitudes=amplitudes[0], output_names=names, **rows[0])
+            solution = cls(**content, origin=origin)
+        return solution if problem is None else with_problem(solution, problem)
+
     def __call__(self, expression: ca.MX) -> Array:
-        """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``.
+        """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``, those of the solution's problem.
 
         Raises
         ------
         ValueError
-            If the solution came from a file, without its problem.
+            If the solution came from a file, without its problem, or for an expression of another problem's symbols.
         """
         problem = attached(self)
+        instance_of("expression", expression, ca.MX, "an expression of solution.problem.x and solution.problem.p")
         function = _function(problem, expression)
         return np.asarray(function(self.coefficients.ravel(), problem.values(self.parameters)).full().squeeze())
 
@@ -168,8 +233,55 @@ class Solution:
         )
 
 
+def _row(solution: Solution) -> dict[str, Any]:
+    """Return the plain values of a solution, but for the names of its outputs."""
+    return {
+        "parameters": dict(solution.parameters),
+        "periods": solution.periods,
+        "status": solution.status.name,
+        "statistics": dict(solution.statistics),
+    }
+
+
+_ENTRIES = {
+    "parameters": numbers_by_name,
+    "periods": counted_from_one,
+    "status": name_in(Status),
+    "statistics": facts,
+}
+_LAYOUT = Layout(
+    kind="solution",
+    columns={
+        "coefficients": Column("dof 2H+1"),
+        "amplitudes": Column("outputs H+1", complex),
+        "origin_coefficients": Column("origins dof 2K+1"),
+        "origin_amplitudes": Column("origins outputs K+1", complex),
+    },
+    entries={**_ENTRIES, "output_names": texts, "origin": table(**_ENTRIES)},
+    lengths={"outputs": "output_names", "origins": "origin"},
+)
+
+
+def with_problem(solution: Solution, problem: HarmonicBalance, *, what: str = "solution") -> Solution:
+    """Return a solution with its problem, which has as many samples as it needs; see `check_belongs`."""
+    own, origin = problem.carrying(solution.n_harmonics), solution.origin
+    if solution.converged:
+        own = check_belongs(own, solution, what=what)
+    there = own.carrying(origin.n_harmonics) if origin is not None else own
+    if origin is not None and origin.coefficients.shape == there.shape and origin.periods == there.periods:
+        origin = replace(origin, problem=there)
+    return replace(solution, problem=own, origin=origin)
+
+
 @by_one_thread
 def _function(problem: HarmonicBalance, expression: ca.MX) -> ca.Function:
+    own = {hash(symbol) for symbol in (problem.x, problem.p)}
+    for symbol in ca.symvar(expression):
+        if hash(symbol) not in own:
+            raise ValueError(
+                f"the expression has the symbol {symbol} of another problem, with other harmonics or samples: write it "
+                "with solution.problem.x and solution.problem.p"
+            )
     return ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
 
 

@@ -258,6 +258,25 @@ def test_a_fold_curve_is_the_same_after_saving_and_loading(fold, tmp_path):
         curve.save(tmp_path / "missing" / "curve.npz")
 
 
+def test_a_problem_with_other_outputs_is_not_that_of_a_curve(fold, tmp_path):
+    curve = follow(fold, "force", span=(0.17, 0.19))
+    curve.save(tmp_path / "curve.npz")
+    loaded = FoldBranch.load(tmp_path / "curve.npz", problem=fold.problem)
+    assert loaded.output_names == curve.output_names == ("x",)
+    assert repr(loaded.solution(0)) == repr(curve.solution(0))
+    renamed = System(
+        1.0,
+        lambda p: 2.0 * p.damping_ratio,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [p.cubic * q[0] ** 3],
+        forcing=lambda tau, p: [p.force * ca.cos(tau)],
+        parameters={"damping_ratio": 0.025, "cubic": 0.1, "force": 0.18},
+        outputs={"y": lambda s: s.q[0]},
+    )
+    with pytest.raises(ValueError, match=r"the curve has outputs \('x',\), the system \('y',\)"):
+        FoldBranch.load(tmp_path / "curve.npz", problem=HarmonicBalance(renamed, fold.problem.n_harmonics))
+
+
 def test_a_curve_without_events_survives_the_file_as_well(fold, tmp_path):
     curve = follow(fold, "force", span=(0.15, 0.3))
     assert curve.events == ()

@@ -19,8 +19,8 @@ from hbnlp.core import storage
 from hbnlp.core.errors import LoadError
 from hbnlp.core.storage import load_arrays, save_arrays
 
-OLD = Path(__file__).parents[1] / "data" / "format_0"
-"""Written before files had a number of their format."""
+FILES = {path.stem: path for path in sorted((Path(__file__).parents[1] / "data").glob("format_*/*.npz"), reverse=True)}
+"""Of each kind of record the oldest: format 0 was written before files had a number of their format."""
 
 
 def flow():
@@ -46,12 +46,15 @@ class State:
 LOADERS = {
     "branch": hbnlp.Branch.load,
     "branch_points": hbnlp.Branch.load,
+    "branch_to_a_tolerance": hbnlp.Branch.load,
     "fold_curve": hbnlp.FoldBranch.load,
-    "resolved_branch": hbnlp.ResolvedBranch.load,
     "sweep": hbnlp.Sweep.load,
     "time_sweep": hbnlp.TimeSweep.load,
     "rom": AeroROM.load,
     "frequency_response": FrequencyResponse.load,
+    "solution": hbnlp.Solution.load,
+    "solution_set": hbnlp.SolutionSet.load,
+    "time_response": hbnlp.TimeResponse.load,
     "flow_history": dns.load_history,
     "flow_state": State.load,
 }
@@ -96,9 +99,14 @@ def kind(request):
     return request.param
 
 
-def test_files_from_before_formats_had_a_number_load_and_are_the_same_when_saved_anew(kind, tmp_path):
+def test_there_is_an_old_file_of_every_kind_of_record():
+    assert FILES.keys() == LOADERS.keys() | {"resolved_branch"}
+    assert "format" not in parts(FILES["branch"])[1]
+
+
+def test_files_of_earlier_versions_load_and_are_the_same_when_saved_anew(kind, tmp_path):
     load = LOADERS[kind]
-    old = load(OLD / f"{kind}.npz")
+    old = load(FILES[kind])
     path = saved(old, tmp_path / "new.npz")
     assert same(load(path), old)
     assert parts(path)[1]["format"] == storage.FORMAT
@@ -106,7 +114,7 @@ def test_files_from_before_formats_had_a_number_load_and_are_the_same_when_saved
 
 def test_whatever_byte_changes_and_wherever_a_file_is_cut_it_is_one_error_or_the_same(kind, tmp_path):
     load = LOADERS[kind]
-    record = load(OLD / f"{kind}.npz")
+    record = load(FILES[kind])
     whole = saved(record, tmp_path / "new.npz").read_bytes()
     rng, path, refused = np.random.default_rng(zlib.crc32(kind.encode())), tmp_path / "damaged.npz", 0
     damaged = [whole[:length] for length in rng.integers(0, len(whole), 60)]
@@ -130,7 +138,7 @@ def test_whatever_byte_changes_and_wherever_a_file_is_cut_it_is_one_error_or_the
 
 def test_a_column_that_is_missing_misshapen_of_another_kind_or_not_finite_is_refused(kind, tmp_path):
     load, path = LOADERS[kind], tmp_path / "new.npz"
-    saved(load(OLD / f"{kind}.npz"), path)
+    saved(load(FILES[kind]), path)
     arrays, metadata = parts(path)
     for name, array in arrays.items():
         others = {key: value for key, value in arrays.items() if key != name}
@@ -139,7 +147,7 @@ def test_a_column_that_is_missing_misshapen_of_another_kind_or_not_finite_is_ref
             "deeper": array[..., None],
             "text": np.full(array.shape, "text"),
         }
-        if array.dtype.kind in "fc" and np.isfinite(array).all() and name not in LOOSE.get(kind, ()):
+        if array.size and array.dtype.kind in "fc" and np.isfinite(array).all() and name not in LOOSE.get(kind, ()):
             wrong["nan"] = np.full_like(array, np.nan)
         if kind == "flow_state" and name in {"convection", *(n for n in arrays if n.startswith("wall_"))}:
             wrong = {"text": wrong["text"], "longer": wrong["text"]}  # of another body, which begins anew
@@ -157,20 +165,25 @@ def test_a_column_that_is_missing_misshapen_of_another_kind_or_not_finite_is_ref
 LOOSE = {
     "branch": ("multipliers", "stability_error", "special_null"),
     "branch_points": ("special_null", "special_breaks"),
-    "resolved_branch": ("truncation_error", "coefficients", "amplitudes"),
+    "branch_to_a_tolerance": ("truncation_error", "special_null"),
+    "time_response": ("defects",),
     "sweep": ("coefficients", "amplitudes", "jump_brackets"),
     "time_sweep": ("defects", "jump_brackets"),
 }
 """Where nan says that there is nothing."""
 
 
+MAY_LACK = {"fold_curve": {"periods", "output_names"}}
+"""What files of earlier versions do not say."""
+
+
 def test_plain_values_that_are_missing_or_of_another_kind_are_refused(kind, tmp_path):
     load, path = LOADERS[kind], tmp_path / "new.npz"
-    record = load(OLD / f"{kind}.npz")
+    record = load(FILES[kind])
     arrays, metadata = parts(saved(record, path))
     for name in metadata:
         others = {key: value for key, value in metadata.items() if key != name}
-        if name not in {"format", "arrays", "not_finite", "periods"}:
+        if name not in MAY_LACK.get(kind, set()) | {"format", "arrays", "not_finite"}:
             with pytest.raises(LoadError, match=r"bad\.npz"):
                 load(rewritten(tmp_path / "bad.npz", arrays, others))
         for wrong in (None, True, -1, 1.5, [], ["x", 1], {"a": [1]}, [[[]]]):
@@ -180,8 +193,14 @@ def test_plain_values_that_are_missing_or_of_another_kind_are_refused(kind, tmp_
                 assert "bad.npz" in str(error)  # noqa: PT017 - some of them are what may be there
 
 
+def test_a_resolved_branch_of_an_earlier_version_says_what_it_is_and_how_it_is_made_now():
+    message = r"resolved_branch\.npz' holds a resolved branch, of an earlier version: .* HarmonicBalance\(.*tolerance="
+    with pytest.raises(LoadError, match=message):
+        hbnlp.Branch.load(FILES["resolved_branch"])
+
+
 def test_a_file_of_a_later_format_says_so(tmp_path):
-    arrays, metadata = parts(OLD / "sweep.npz")
+    arrays, metadata = parts(FILES["sweep"])
     with pytest.raises(LoadError, match=r"later\.npz.* is of format 99, this version of hbnlp reads formats up to 1"):
         hbnlp.Sweep.load(rewritten(tmp_path / "later.npz", arrays, metadata | {"format": 99}))
 
