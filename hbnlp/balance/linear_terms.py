@@ -54,10 +54,11 @@ class LinearBalance:
     def dynamic_stiffness(self, values: Array, stiffness: Array, damping: Array) -> ComplexArray:
         """Return the dynamic stiffness (H+1, n, n) of harmonics 0 to H, with more stiffness and damping by phase."""
         at = self._at(values)
-        orders = np.arange(self._operators.orders.size + 1)[:, None, None]
+        orders = np.arange(self._operators.orders.size + 1.0)[:, None, None]
         law = at.law
-        blocks: ComplexArray = law.stiffness + stiffness + 1j * orders * (at.rate * law.damping + damping)
-        blocks -= (at.rate * orders) ** 2 * law.mass
+        blocks = np.empty((orders.size, *stiffness.shape), dtype=complex)
+        np.subtract(law.stiffness + stiffness, (at.rate * orders) ** 2 * law.mass, out=blocks.real)
+        np.multiply(orders, at.rate * law.damping + damping, out=blocks.imag)
         if self._operators.lags.n_lags:
             blocks[1:] -= at.transfer[..., : self._shape[0]]
         return blocks

@@ -30,6 +30,7 @@ LARGEST_SCRATCH = 100_000
 """Numbers that are written before they are added to the matrix: what a processor keeps at hand."""
 
 Places = tuple[IntArray, IntArray]
+Blocks = Callable[[Array], Array]
 
 
 class Multiplication:
@@ -68,20 +69,26 @@ class Multiplication:
                 matrix[row, :, column, :] += self._blocks(samples[:, k : k + 1])[0]
 
     @built_once
-    def _blocks(self) -> Callable[[Array], Array]:
+    def _blocks(self) -> Blocks:
         """Blocks (count, L, L) of samples (n_samples, count)."""
         basis = self._basis
-        small = basis.n_samples * n_coefficients(basis.n_harmonics) ** 2 <= LARGEST_TABLE
-        return (Table if small else ToeplitzHankel)(basis, self._derivative)
+        return (Table if self._is_small(n_coefficients(basis.n_harmonics)) else ToeplitzHankel)(basis, self._derivative)
+
+    def _is_small(self, length: int) -> bool:
+        """Return whether a table is the quicker way to blocks (length, length)."""
+        return self._basis.n_samples * length**2 <= LARGEST_TABLE
 
 
 class Table:
-    """Blocks (count, L, L) of samples (n_samples, count) by a constant map (n_samples, L * L)."""
+    """Blocks (count, L, L) of samples (n_samples, count) by a constant map (n_samples, L * L).
 
-    def __init__(self, basis: FourierBasis, derivative: bool) -> None:
-        sampling = basis.derivative_sampling if derivative else basis.sampling
+    ``which`` are the coefficients whose rows and columns they have, by default all.
+    """
+
+    def __init__(self, basis: FourierBasis, derivative: bool, which: IntArray | slice = slice(None)) -> None:
+        sampling = (basis.derivative_sampling if derivative else basis.sampling)[:, which]
         self._length = sampling.shape[1]
-        self._map = (basis.projection.T[:, :, None] * sampling[:, None, :]).reshape(basis.n_samples, -1)
+        self._map = (basis.projection[which].T[:, :, None] * sampling[:, None, :]).reshape(basis.n_samples, -1)
 
     def __call__(self, samples: Array) -> Array:
         """Return the blocks."""
@@ -99,24 +106,34 @@ class ToeplitzHankel:
     def __call__(self, samples: Array) -> Array:
         """Return the blocks."""
         h, count = self._n_harmonics, samples.shape[1]
-        means = fft.ifft(samples.T)
-        z, first = means[:, self._folded], means[:, : h + 1]
+        means = self._means(samples)
+        first = means[:, : h + 1]
         blocks = np.empty((count, 2 * h + 1, 2 * h + 1))
         pairs = blocks[:, :, 1:].view(complex)
+        self._write(pairs[:, 1:], means[:, self._folded], h + 1)
         pairs[:, 0] = first[:, 1:]
-        windows, turned = _windows(z, h), _windows(1j * z, h)
-        np.add(windows[:, h - 1 :: -1], windows[:, h + 1 :], out=pairs[:, 1::2])
-        np.subtract(turned[:, h - 1 :: -1], turned[:, h + 1 :], out=pairs[:, 2::2])
         if self._by_phase is None:
             blocks[:, 0, 0] = first[:, 0].real
             blocks[:, 1:, 0] = 2.0 * first[:, 1:].view(float)
         else:
             blocks[:, :, 0] = 0.0
-            pairs *= self._by_phase
+            pairs[:, 0] *= self._by_phase
         return blocks
+
+    def _means(self, samples: Array) -> ComplexArray:
+        return np.asarray(fft.ifft(samples.T))
+
+    def _write(self, pairs: ComplexArray, z: ComplexArray, hankel: int) -> None:
+        """Write the rows (count, 2h, h) of the harmonics, their first Hankel window ``hankel`` after the Toeplitz."""
+        h = self._n_harmonics
+        windows, turned = _windows(z, h), _windows(1j * z, h)
+        np.add(windows[:, h - 1 :: -1], windows[:, hankel:], out=pairs[:, ::2])
+        np.subtract(turned[:, h - 1 :: -1], turned[:, hankel:], out=pairs[:, 1::2])
+        if self._by_phase is not None:
+            pairs *= self._by_phase
 
 
 def _windows(z: ComplexArray, h: int) -> ComplexArray:
-    """Return the 2h + 1 windows of h numbers each, (count, 2h+1, h), in rows (count, 3h)."""
+    """Return the windows of h numbers each, (count, length - h + 1, h), in rows (count, length)."""
     row, step = z.strides
-    return as_strided(z, (z.shape[0], 2 * h + 1, h), (row, step, step), writeable=False)
+    return as_strided(z, (z.shape[0], z.shape[1] - h + 1, h), (row, step, step), writeable=False)

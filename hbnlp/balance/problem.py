@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.assembly import Assembly
 from hbnlp.balance.corners import Corner, Corners
+from hbnlp.balance.odd import OddAssembly
 from hbnlp.balance.output_groups import warn_of_switches
 from hbnlp.balance.outputs import Outputs
 from hbnlp.balance.sampling import ALIASING_TOL, Sampling
@@ -271,6 +272,11 @@ class HarmonicBalance:
     def assembly(self) -> Assembly:
         """Residual and derivatives as fast numpy arrays."""
         return Assembly(self.system, self.sampling)
+
+    @built_once
+    def odd_assembly(self) -> OddAssembly:
+        """The same on odd motions, for equations that change sign with half a period."""
+        return OddAssembly(self.system, self.sampling, self.assembly.linear)
 
     def vector(self, coefficients: ArrayLike) -> Array:
         """Return coefficients (n, any odd number), cut or padded to 2H+1, as a vector of unknowns."""

@@ -11,6 +11,7 @@ from hbnlp.branches.floquet_points import bifurcation_function, critical_multipl
 from hbnlp.branches.folds import fold_by_newton, fold_sensitivity, left_null_vector
 from hbnlp.branches.forecast import Spectrum, hidden_crossing
 from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.continuation.along import Along
 from hbnlp.continuation.branch_points import BranchPoint
 from hbnlp.continuation.dips import Sample, crossing_in
 from hbnlp.continuation.locating import between, locate
@@ -115,7 +116,7 @@ class Detector:
         if turns[0] * turns[1] < 0.0 and max(map(abs, turns)) > STEADY:
             fold = _fold(curve, before, after, index, crossing or self._crossing)
             found += [fold] if fold is not None else []
-        if crossing is not None and not _is_multiple_fold(curve, crossing.y):
+        if crossing is not None and (crossing.is_across or not _is_multiple_fold(curve, crossing.y)):
             found.append(_branch_point(curve, before, after, index))
         return found
 
@@ -132,7 +133,7 @@ class Detector:
     def alike(self, known: Point, curve: Equations, other: Point) -> bool:
         """Return whether a point, and another in its place on a curve, are on the same side of all special points."""
         turned = known.tangent[-1] * other.tangent[-1] < 0.0
-        if turned or known.orientation != other.orientation:
+        if turned or known.orientation != other.orientation or known.across[0] != other.across[0]:
             return False
         if self._evaluator is None:
             return True
@@ -219,11 +220,18 @@ def _kernel(curve: Equations, y: Array) -> tuple[float, float]:
 
     These are the tangent and the one that the smallest singular value belongs to, whose ratio to the next is returned.
     """
-    jacobian = np.zeros((curve.size, y.size))
-    curve.jacobian(y, jacobian)
-    _, sizes, directions = np.linalg.svd(jacobian * curve.scale(y))
-    ratio = float(sizes[-1] / sizes[-2]) if sizes.size > 1 else 1.0
-    return ratio, float(np.abs(directions[-2:, -1]).max())
+    seen = Along(curve)
+    jacobian, across = np.zeros((seen.size, seen.size + 1)), np.zeros((0, 0))
+    if curve.parts is None:
+        curve.jacobian(y, jacobian)
+    else:
+        across = curve.parts.blocks(y, jacobian) * curve.scale(y)[curve.parts.across]
+    _, sizes, directions = np.linalg.svd(jacobian * seen.part(curve.scale(y)))
+    others = np.linalg.svd(across, compute_uv=False)
+    smallest = np.sort(np.append(sizes, others))[:2]
+    ratio = float(smallest[0] / smallest[1]) if smallest.size > 1 else 1.0
+    weak = directions[-2:] if not others.size or sizes[-1] <= others[-1] else directions[-1:]
+    return ratio, float(np.abs(weak[:, -1]).max())
 
 
 def _is_multiple_fold(curve: Equations, y: Array) -> bool:
@@ -253,7 +261,8 @@ def _fold(
     turn = crossing.y if crossing is not None and abs(crossing.null[-1]) / scale[-1] > STATIONARY else None
     if turn is not None and (near(guess, turn, BESIDE) or near(after.y, turn, THERE) or near(before.y, turn, THERE)):
         return None
-    found = fold_by_newton(problem, curve.unknowns.coefficients(guess), curve.values(guess), name, Newton(), along)
+    x, values = curve.unknowns.coefficients(guess), curve.values(guess)
+    found = fold_by_newton(problem, x, values, name, Newton(), along, odd=curve.odd)
     y = curve.unknowns.joined(found.x, [found.value])
     located = found.converged and near(y, guess, 1.0)
     ratio, part = _kernel(curve, y if located else guess)
@@ -263,7 +272,7 @@ def _fold(
         return _unrefined(curve, Kind.FOLD, before, after, index)
     assert found.null is not None
     x, values, null = found.x, curve.values(y), found.null
-    left = left_null_vector(problem, x, values, name, null)
+    left = left_null_vector(problem, x, values, name, null, odd=curve.odd)
     return SpecialPoint(
         kind=Kind.FOLD,
         name=name,

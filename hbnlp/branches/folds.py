@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.continuation.along import Along
 from hbnlp.continuation.curve import Bordered, null_vector, relative_residual
 from hbnlp.continuation.newton import LARGEST_RESIDUAL, Correction, Newton, correct
 from hbnlp.core.types import Array
@@ -60,10 +61,17 @@ class LocatedFold:
 
 
 def fold_by_newton(
-    problem: HarmonicBalance, x: Array, values: Array, name: str, newton: Newton, null: Array | None = None
+    problem: HarmonicBalance,
+    x: Array,
+    values: Array,
+    name: str,
+    newton: Newton,
+    null: Array | None = None,
+    *,
+    odd: bool = False,
 ) -> LocatedFold:
-    """Return the fold near a point; ``null`` is a guess of v."""
-    curve = along_folds(problem, x, values, name)
+    """Return the fold near a point, or that of odd motions; ``null`` is a guess of v."""
+    curve = along_folds(problem, x, values, name, odd=odd)
     if null is None:
         null = null_vector(problem.assembly.jacobian(x, values))
     here = values[problem.system.parameters.index(name)]
@@ -142,25 +150,27 @@ def fold_by_program(
     )
 
 
-def left_null_vector(problem: HarmonicBalance, x: Array, values: Array, name: str, null: Array) -> Array:
+def left_null_vector(
+    problem: HarmonicBalance, x: Array, values: Array, name: str, null: Array, *, odd: bool = False
+) -> Array:
     """Return w with w.R_x = 0 at a fold with null vector v, scaled to w.R_lambda = 1.
 
     It solves the transpose of the system [R_x, R_lambda; v, 0], which is regular at a fold. Where the kernel has
     several dimensions it is singular, and w the smallest solution.
     """
-    curve = along_parameter(problem, values, name)
+    curve = along_parameter(problem, values, name, odd=odd)
     y = curve.unknowns.joined(x, [values[problem.system.parameters.index(name)]])
-    matrix = np.zeros((y.size, y.size))
-    curve.jacobian(y, matrix[:-1])
-    matrix[-1, :-1] = null
-    last = curve.unknowns.fixing_last()
-    columns = curve.scale(y)
+    seen = Along(curve)
+    matrix = np.zeros((seen.size + 1, seen.size + 1))
+    seen.jacobian(seen.part(y), matrix[:-1])
+    matrix[-1] = seen.part(np.append(null, 0.0))
+    columns, unit = seen.part(curve.scale(y)), seen.part(curve.unknowns.fixing_last())
     rows = np.abs(matrix * columns).max(axis=1)
     dimensionless = matrix * columns / np.where(rows > 0.0, rows, 1.0)[:, None]
     if np.linalg.cond(dimensionless) > LARGEST_CONDITION:
-        smallest = np.linalg.lstsq(dimensionless.T, last * columns, rcond=1.0 / LARGEST_CONDITION)[0]
-        return np.asarray((smallest / rows)[: problem.size])
-    return Bordered(matrix).solve_transposed(last)[: problem.size]
+        smallest = np.linalg.lstsq(dimensionless.T, unit * columns, rcond=1.0 / LARGEST_CONDITION)[0]
+        return seen.whole(smallest / rows)[: problem.size]
+    return seen.whole(Bordered(matrix).solve_transposed(unit))[: problem.size]
 
 
 def fold_sensitivity(problem: HarmonicBalance, x: Array, values: Array, name: str, left: Array) -> dict[str, float]:

@@ -14,10 +14,12 @@ from hbnlp.continuation.curve import TINY, relative_residual
 from hbnlp.continuation.point import Point, start_point
 from hbnlp.core.errors import SamplingError
 from hbnlp.core.types import Array
+from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.columns import check_numbers
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
+from hbnlp.solutions.odd import is_odd_throughout
 from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, attached, guess_for
 from hbnlp.solutions.solving import solve
@@ -25,6 +27,11 @@ from hbnlp.stability.result import Floquet
 
 SOLVED = 1e-9
 """A start whose residual is below this part of its terms is a solution, also at a fold, where Newton's method fails."""
+
+LARGE = 200
+"""Unknowns from which on the two parts of an odd motion's equations are quicker than the whole."""
+MANY = 15
+"""Harmonics that some point of a branch with a tolerance may well have."""
 
 Span = tuple[float, float]
 
@@ -123,8 +130,12 @@ def _first(
         found = solve(asked, at=given, start=start)
         sampled, x = attached(found), found.coefficients.ravel()
     problem = sampled
-    curve = along_parameter(problem, values, name, span=span, floor=_smallest_solution(problem, values, name, span, x))
-    return curve, curve.unknowns.joined(x, [here])
+    floor = _smallest_solution(problem, values, name, span, x)
+    n_dof, length = problem.shape
+    size = n_dof * (length if problem.truncation is None else max(length, n_coefficients(MANY)))
+    odd = size >= LARGE and is_odd_throughout(problem, x, values, name, span)
+    curve = along_parameter(problem, values, name, span=span, floor=floor, odd=odd)
+    return curve, curve.point(x.reshape(problem.shape), here)
 
 
 def _solved(problem: HarmonicBalance, x: Array, values: Array) -> HarmonicBalance | None:

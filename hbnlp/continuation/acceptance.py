@@ -12,7 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hbnlp.continuation.along import Along
 from hbnlp.continuation.branch_points import Arc, BranchPoint, branch_point_on
+from hbnlp.continuation.breaking import breaking_point
 from hbnlp.continuation.curve import Curve
 from hbnlp.continuation.dips import Sample, crossing_in
 from hbnlp.continuation.newton import Newton
@@ -80,12 +82,15 @@ def accepted(
     if turn > angle or aside > 0.3 * turn + 0.02:
         return Verdict(None, turn)
     branch_point = None
-    if trial.orientation == base.orientation:
+    breaks = trial.across[0] != base.across[0]
+    if breaks and trial.orientation == base.orientation and length > SUSPICIOUS_LENGTH:
+        return Verdict(None, turn)  # the curve is crossed in both its parts: one at a time
+    if trial.orientation == base.orientation and not breaks:
         shorter = _hidden(before, base, trial, at) if length > SUSPICIOUS_LENGTH else None
         if shorter is not None:
             return Verdict(None, turn, shorter)
     else:
-        branch_point = _branch_point(curve, base, trial, newton)
+        branch_point = (breaking_point if breaks else _branch_point)(curve, base, trial, newton)
         if branch_point is None and not (length < SHORT and _turns_smoothly(base, trial, at)):
             return Verdict(None, turn)
     point = dataclasses.replace(trial, arclength=base.arclength + length, branch_point=branch_point)
@@ -146,14 +151,18 @@ def _turns_smoothly(base: Point, trial: Point, at: Callable[[float], Point | Non
 
 def _branch_point(curve: Curve, base: Point, trial: Point, newton: Newton) -> BranchPoint | None:
     """Return where the orientation changes; None if it changes by a jump and not through a singular point."""
-    ratio = float(np.exp(min(trial.log_determinant - base.log_determinant, 500.0)))
-    return branch_point_on(
-        curve,
-        Arc(base.y, trial.y, (base.tangent, trial.tangent), base.scale),
-        (base.orientation, trial.orientation * ratio),
+    seen = Along(curve)
+    logarithms = [point.log_determinant - point.across[1] for point in (base, trial)]
+    ratio = float(np.exp(min(logarithms[1] - logarithms[0], 500.0)))
+    tangents = seen.part(base.tangent), seen.part(trial.tangent)
+    found = branch_point_on(
+        seen,
+        Arc(seen.part(base.y), seen.part(trial.y), tangents, seen.part(base.scale)),
+        (base.orientation * base.across[0], trial.orientation * trial.across[0] * ratio),
         tol=newton.tol,
         max_iterations=newton.max_iterations,
     )
+    return found and dataclasses.replace(found, y=seen.whole(found.y), null=seen.whole(found.null))
 
 
 def _angle(a: Array, b: Array) -> float:

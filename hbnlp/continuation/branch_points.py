@@ -40,11 +40,15 @@ DIFFERENCE = 1e-5
 
 @dataclass(frozen=True, kw_only=True)
 class BranchPoint:
-    """A point y, (size + 1,), where another branch crosses; ``null`` spans the kernel of dR/dy with the tangent."""
+    """A point y, (size + 1,), where another branch crosses; ``null`` spans the kernel of dR/dy with the tangent.
+
+    ``is_across`` tells that the other branch lacks a symmetry of this one.
+    """
 
     y: Array
     null: Array
     residual: float
+    is_across: bool = False
 
     @property
     def value(self) -> float:

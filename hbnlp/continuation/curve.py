@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from hbnlp.core.types import Array
+from hbnlp.core.kept import built_once
+from hbnlp.core.types import Array, IntArray
 
 TINY = float(np.finfo(float).tiny)
 """Divisors are at least this."""
@@ -17,6 +20,11 @@ class Curve(Protocol):
     """Equations R(y) = 0, ``size`` of them, in y of one entry more; the last entry is the continuation parameter."""
 
     size: int
+
+    @property
+    def parts(self) -> Parts | None:
+        """The parts that a symmetry of its points leaves, None where there are none."""
+        ...
 
     def residual(self, y: Array) -> Array:
         """Return R(y), (size,)."""
@@ -39,8 +47,34 @@ class Curve(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Parts:
+    """Of a curve whose points are all symmetric: the unknowns that vary along it, and those that are zero on it.
+
+    Its Jacobian has two blocks then. The curve has its folds by the first, and others of its kind cross it there; where
+    the second is singular, a curve crosses that lacks the symmetry.
+
+    Attributes
+    ----------
+    along : array of int
+        Positions of the unknowns that vary, the continuation parameter last. All but the last are also those of the
+        equations that are not zero by symmetry.
+    across : array of int
+        Positions of the other unknowns, and of the other equations.
+    blocks : callable (y, out) -> array (n, n)
+        Returns the block across, and writes the one along into an array (m, m + 1) of zeros.
+    """
+
+    along: IntArray
+    across: IntArray
+    blocks: Callable[[Array, Array], Array]
+
+
 class Bordered:
     """LU factors of a square matrix [jacobian; row]; what is given is overwritten."""
+
+    across: tuple[float, float] = (1.0, 0.0)
+    """Sign and logarithm of the modulus of the determinant of the block across, where there are `Parts`."""
 
     def __init__(self, matrix: Array) -> None:
         # LAPACK sees the transpose of an array stored by rows; the solves below undo that without a copy
@@ -50,6 +84,8 @@ class Bordered:
     @classmethod
     def at(cls, curve: Curve, y: Array, row: Array) -> Bordered:
         """Return the factors of [dR/dy; row] at a point of a curve."""
+        if curve.parts is not None:
+            return InParts(curve.parts, y, row)
         matrix = np.zeros((y.size, y.size))
         curve.jacobian(y, matrix[:-1])
         matrix[-1] = row
@@ -76,6 +112,51 @@ class Bordered:
         negative = np.count_nonzero(diagonal < 0.0) + swaps
         with np.errstate(divide="ignore"):
             return (-1.0 if negative % 2 else 1.0), float(np.log(np.abs(diagonal)).sum())
+
+
+class InParts(Bordered):
+    """The same in two blocks; the row must be zero across. The block across is factorised where it is asked for."""
+
+    def __init__(self, parts: Parts, y: Array, row: Array) -> None:
+        matrix = np.zeros((parts.along.size,) * 2)
+        self._parts, self._block = parts, parts.blocks(y, matrix[:-1])
+        matrix[-1] = row[parts.along]
+        self._along = Bordered(matrix)
+        self.singular = self._along.singular
+
+    @built_once
+    def _across(self) -> Bordered:
+        return Bordered(self._block)
+
+    @built_once
+    def across(self) -> tuple[float, float]:
+        """Sign and logarithm of the modulus of the determinant of the block across."""
+        return self._across.determinant()
+
+    def product(self, vector: Array) -> Array:
+        """Return the product of the matrix itself with a vector (size,), from its factors."""
+        return self._in_parts(vector, Bordered.product)
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for the right side (size,) or (size, k)."""
+        return self._in_parts(right, Bordered.solve)
+
+    def solve_transposed(self, right: Array) -> Array:
+        """Return the solution of the transposed system."""
+        return self._in_parts(right, Bordered.solve_transposed)
+
+    def determinant(self) -> tuple[float, float]:
+        """Return sign and logarithm of the modulus of the determinant."""
+        (sign, logarithm), across = self._along.determinant(), self.across
+        return sign * across[0], logarithm + across[1]
+
+    def _in_parts(self, vector: Array, operation: Callable[[Bordered, Array], Array]) -> Array:
+        result = np.zeros(vector.shape)
+        result[self._parts.along] = operation(self._along, vector[self._parts.along])
+        across = vector[self._parts.across]
+        if across.any():
+            result[self._parts.across] = operation(self._across, across)
+        return result
 
 
 def relative_residual(curve: Curve, y: Array, *, least: float = 0.0) -> float:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from hbnlp.continuation.along import tangent_at
 from hbnlp.continuation.branch_points import BranchPoint
-from hbnlp.continuation.curve import Bordered, Curve, null_vector, relative_residual
+from hbnlp.continuation.curve import Bordered, Curve, relative_residual
 from hbnlp.continuation.newton import Newton, approach, closeness, settle
 from hbnlp.core.renamed import renamed_name
 from hbnlp.core.types import Array
@@ -22,7 +23,8 @@ MISSED = 10.0
 class Point:
     """A converged point of a curve, with its unit tangent in the metric ``scale`` and what the factors tell.
 
-    ``iterations`` are the steps with factors of the point before: they tell whether the predictor was good.
+    ``iterations`` are the steps with factors of the point before: they tell whether the predictor was good. ``across``
+    are sign and logarithm of the determinant across, of which ``orientation`` and ``log_determinant`` hold the part.
     """
 
     y: Array
@@ -35,6 +37,7 @@ class Point:
     factorisations: int = 0
     arclength: float = 0.0
     branch_point: BranchPoint | None = None
+    across: tuple[float, float] = (1.0, 0.0)
     factors: Bordered | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -49,13 +52,10 @@ class Point:
 def start_point(curve: Curve, y: Array, toward: Array) -> Point:
     """Return a converged y as a point whose tangent makes an acute angle with ``toward``."""
     scale = curve.scale(y)
-    jacobian = np.zeros((y.size - 1, y.size))
-    curve.jacobian(y, jacobian)
-    # the null vector of [R_x, R_lambda], also at a fold, where R_x alone is singular
-    tangent = null_vector(jacobian * scale) * scale
+    tangent = tangent_at(curve, y, scale)
     along = float((tangent / scale) @ (toward / scale))
     tangent *= (np.sign(along) or 1.0) / np.linalg.norm(tangent / scale)
-    factors = Bordered(np.vstack([jacobian, tangent / scale**2]))
+    factors = Bordered.at(curve, y, tangent / scale**2)
     orientation, log_determinant = factors.determinant()
     return Point(
         y=y,
@@ -64,6 +64,7 @@ def start_point(curve: Curve, y: Array, toward: Array) -> Point:
         orientation=orientation,
         log_determinant=log_determinant,
         residual=relative_residual(curve, y),
+        across=factors.across,
         factors=factors,
     )
 
@@ -133,5 +134,6 @@ def finish(curve: Curve, guess: Array, row: Array, base: Point, options: Newton)
         residual=correction.residual,
         iterations=rough.iterations,
         factorisations=factorisations,
+        across=factors.across,
         factors=factors,
     )

@@ -56,6 +56,8 @@ class Homotopy:
         Size of the larger of the motions of both linear systems.
     """
 
+    parts = None  # its motions are any
+
     def __init__(self, problem: HarmonicBalance, values: Array, linear: Array) -> None:
         self.size = problem.size
         self._assembly, self._values = problem.assembly, values

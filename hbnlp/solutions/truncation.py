@@ -88,8 +88,8 @@ class Estimate:
 
     def _by_blocks(self, curve: Equations, y: Array, factors: Bordered) -> Array | None:
         """Return the change, each harmonic beyond on its own; None where they have much to do with each other."""
-        problem, values = curve.problem, curve.values(y)
-        mean = problem.assembly.mean_derivatives(curve.unknowns.coefficients(y), values)
+        values = curve.values(y)
+        mean = curve.terms.mean_derivatives(curve.unknowns.coefficients(y), values)
         linear = self.finer.problem.assembly.linear
         blocks = linear.dynamic_stiffness(values, *mean)[self._n_harmonics + 1 :]
         try:

@@ -37,6 +37,10 @@ class Invariance:
         terms = self._equivariance.at(self._values(at))
         return tuple(symmetry for symmetry in self._candidates if terms.lack_of(symmetry) is None)
 
+    def has(self, symmetry: Symmetry, at: Mapping[str, float] | Array) -> bool:
+        """Return whether the equations have a symmetry at parameter values, by name or all in order."""
+        return self._equivariance.at(self._values(at)).lack_of(symmetry) is None
+
     def check(self, symmetry: Symmetry, at: Mapping[str, float] | Array | None = None) -> None:
         """Raise a ValueError that says in which term, and by how much, the equations lack a symmetry at parameters."""
         values = self._values(at)

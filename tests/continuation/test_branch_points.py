@@ -11,6 +11,7 @@ class Pitchfork:
     """x^3 - (l - 1) x + e = 0, z = l^2: for e = 0 the curve x = 0 is crossed at l = 1 by x^2 = l - 1."""
 
     size = 2
+    parts = None
 
     def __init__(self, imperfection=0.0):
         self.e = imperfection

@@ -59,6 +59,7 @@ class Noisy:
     """x = p, with a residual that is known to a part of it only."""
 
     size = 1
+    parts = None
 
     def __init__(self, noise):
         self.noise = noise
