@@ -28,7 +28,7 @@ from hbnlp.core.layout import (
     texts,
     whole,
 )
-from hbnlp.core.records import AlongParameter, loaded, save_record
+from hbnlp.core.records import AlongParameter, loaded, save_columns, taken_apart
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs
@@ -224,8 +224,12 @@ class Branch(AlongParameter):
         SaveError
             If it cannot be written; the branch in memory and an older file are as they were.
         """
+        save_columns(path, LAYOUT, *self.parts())
+
+    def parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the columns and plain values by which it stands in a file, as `LAYOUT` says."""
         special_points = packed(self.special_points, self.coefficients.shape[1])
-        save_record(self, path, _LAYOUT, end=self.end.name, **special_points)
+        return taken_apart(self, LAYOUT, end=self.end.name, **special_points)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Branch:
@@ -251,15 +255,31 @@ class Branch(AlongParameter):
         instance_of(
             "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
         )
-        with loaded(path, _LAYOUT) as content:
-            content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
-            content["special_points"] = unpacked(content, problem)
-            branch = cls(**content, problem=problem)
-        if problem is not None:
-            for index in {0, len(branch) - 1} if len(branch) else ():
-                solution = branch.solution(index)
-                check_belongs(problem.carrying(solution.n_harmonics), solution, what="branch")
+        with loaded(path, LAYOUT) as content:
+            branch = cls.of_parts(content, problem)
+        branch.check_problem()
         return branch
+
+    @classmethod
+    def of_parts(cls, content: dict[str, Any], problem: HarmonicBalance | None) -> Branch:
+        """Return the branch of columns and plain values that are as `LAYOUT` says.
+
+        Raises
+        ------
+        ValueError
+            If they are at odds.
+        """
+        content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
+        content["special_points"] = unpacked(content, problem)
+        return cls(**content, problem=problem)
+
+    def check_problem(self) -> None:
+        """Raise a ValueError that says in what they differ unless its problem is that of its points."""
+        problem = self.problem
+        if problem is not None:
+            for index in {0, len(self) - 1} if len(self) else ():
+                solution = self.solution(index)
+                check_belongs(problem.carrying(solution.n_harmonics), solution, what="branch")
 
     def __repr__(self) -> str:
         extent = "no points"
@@ -297,7 +317,7 @@ def numbers_of_harmonics(column: IntArray | None, coefficients: Array) -> IntArr
     return column
 
 
-_LAYOUT = Layout(
+LAYOUT = Layout(
     kind="branch",
     columns={
         "parameter": Column("points"),

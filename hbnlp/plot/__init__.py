@@ -1,7 +1,7 @@
 """All of matplotlib: every figure of the package, drawn from results whose types it knows by name only."""
 
 from hbnlp.plot.aero import plot_lift_response, plot_rational_fit
-from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_fold_curve, plot_sweep
+from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_diagram, plot_fold_curve, plot_sweep
 from hbnlp.plot.flow import animate, plot_loads, plot_vorticity
 from hbnlp.plot.motions import plot_solutions
 
@@ -10,6 +10,7 @@ __all__ = [
     "MARKERS",
     "animate",
     "plot_branch",
+    "plot_diagram",
     "plot_fold_curve",
     "plot_lift_response",
     "plot_loads",
