@@ -12,7 +12,6 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.balance.sampling import MOST_HARMONICS
 from hbnlp.branches.special_points import COLUMNS, ROWS, SpecialPoint, packed, unpacked
-from hbnlp.continuation.curve import TINY
 from hbnlp.core.checks import counted, instance_of, place, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End, Kind
@@ -158,7 +157,7 @@ class Branch(AlongParameter):
         values = problem.values(self.parameters, but=(self.name,))
         # a branch may begin at rest, where nothing can be measured relative to the solution
         largest = float(np.linalg.norm(self.coefficients, axis=(1, 2)).max(initial=0.0))
-        curve = along_parameter(problem, values, self.name, span=self.span, floor=max(1e-3 * largest, TINY))
+        curve = along_parameter(problem, values, self.name, span=self.span, floor=1e-3 * largest or 1.0)
         points = [self.solution(i) for i in range(len(self))]
         if self.closed:
             points[-1] = points[0]  # the same but for round-off, and counted once

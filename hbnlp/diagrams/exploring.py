@@ -28,7 +28,15 @@ from hbnlp.core.kinds import End
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.diagrams.diagram import Diagram, Junction, Origin
-from hbnlp.diagrams.meeting import APART, branch_through, distance_from_origin, image_of, is_crossed, place_of
+from hbnlp.diagrams.meeting import (
+    APART,
+    branch_through,
+    distance_from_origin,
+    image_of,
+    is_crossed,
+    least_size,
+    place_of,
+)
 from hbnlp.diagrams.tracing import Errand, steps, traced
 from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution
@@ -252,7 +260,8 @@ class _Explorer:
                     self._left.append(f"{point!r}: max_points = {self._most} are reached")
                 else:
                     origin = Origin(junction=number, side=side)
-                    yield origin, dataclasses.replace(self._pattern, start=start, known=known)
+                    size = least_size([self._branches[parent]]) or float(np.linalg.norm(start.coefficients))
+                    yield origin, dataclasses.replace(self._pattern, start=start, known=known, size=size)
 
     def _side_by_side(self, errands: Iterator[tuple[Origin, Errand]], executor: Executor) -> Iterator[Report]:
         """Trace branches ahead, and take them in their order; one that is known by then is dropped."""
@@ -299,8 +308,9 @@ class _Explorer:
         index, scale = len(self._branches) - 1, max(map(abs, branch.span))
         if origin.junction is not None:
             self._link(origin.junction, index)
+        size = least_size(self._branches)
         for point in filter(is_crossed, branch.special_points):
-            place = place_of(point, [junction.point for junction in self._junctions], scale)
+            place = place_of(point, [junction.point for junction in self._junctions], scale=scale, size=size)
             if place is None:
                 self._junctions.append(Junction(point=point, branches=(index,)))
             else:

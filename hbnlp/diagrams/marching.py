@@ -14,10 +14,12 @@ from dataclasses import dataclass, field
 from math import lcm
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.core.checks import counted, refused
 from hbnlp.core.kinds import Kind
-from hbnlp.diagrams.meeting import image_of, place_of
+from hbnlp.diagrams.meeting import image_of, least_size, place_of
 from hbnlp.diagrams.stretches import Stretch
 from hbnlp.fourier import to_real
 from hbnlp.integration.response import TimeResponse
@@ -171,7 +173,8 @@ class _Marcher:
     def _begins_at(self, stretch: Stretch, point: SpecialPoint) -> bool:
         """Return whether a march that comes to a special point goes on along a stretch that begins there."""
         own = stretch.at_low if self._sign > 0.0 else stretch.at_high
-        return own is not None and place_of(own, [point], max(map(abs, self._diagram.span))) is not None
+        scale, size = max(map(abs, self._diagram.span)), least_size(self._diagram.branches)
+        return own is not None and place_of(own, [point], scale=scale, size=size) is not None
 
     def _stable_again(self, stretch: Stretch) -> Stretch | None:
         """Return the next stable stretch of the same branch the same way, beyond one that is modulated."""
@@ -189,13 +192,16 @@ class _Marcher:
         self, motion: Solution, beyond: float, candidates: Sequence[Stretch]
     ) -> tuple[TimeResponse, Stretch | None]:
         """Return what integration from a motion leads to beyond its end, and the stretch that this is on."""
-        diagram = self._diagram
+        diagram, size = self._diagram, least_size(self._diagram.branches)
+        pushed = PUSH * motion.coefficients
+        if float(np.linalg.norm(pushed)) < size:  # rest stays where it is however it is multiplied
+            pushed[:, :2] += (PUSH - 1.0) * size
         there = [each for each in diagram.at(beyond) if each.stable]
         periods = lcm(motion.periods, *(each.solution.periods for each in there))
         response = integrate(
             attached(motion).system,
             at={**motion.parameters, diagram.name: beyond},
-            start=dataclasses.replace(motion, coefficients=PUSH * motion.coefficients),
+            start=dataclasses.replace(motion, coefficients=pushed),
             periods=periods,
             max_periods=max(self._max_periods, periods),
             throw=False,
@@ -205,7 +211,7 @@ class _Marcher:
         for each in there:
             coefficients = to_real(response.displacement_harmonics(each.solution.n_harmonics * periods))
             seen = dataclasses.replace(each.solution, coefficients=coefficients, periods=periods)
-            if image_of(seen, each.solution, LANDED) is not None:
+            if image_of(seen, each.solution, LANDED, floor=size) is not None:
                 on = [s for s in candidates if s.branch == each.branch and s.low <= beyond <= s.high]
                 return response, on[0] if on else None
         return response, None

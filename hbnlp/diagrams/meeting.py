@@ -17,6 +17,8 @@ from hbnlp.systems.symmetry import Symmetry
 
 CROSSED = (Kind.BRANCH_POINT, Kind.PERIOD_DOUBLING)
 """Kinds of special points at which another branch crosses."""
+SMALL = 1e-2
+"""Motions smaller than this part of the largest are measured relative to that part."""
 SAME_PLACE = 1e-4
 """Special points are one if their motions and parameters differ by less, relative to their size."""
 APART = 0.1
@@ -38,17 +40,24 @@ def image_of(a: Solution, b: Solution, tol: float, *, floor: float = 0.0) -> Sym
     return None
 
 
-def place_of(point: SpecialPoint, known: Iterable[SpecialPoint], scale: float) -> int | None:
+def place_of(point: SpecialPoint, known: Iterable[SpecialPoint], *, scale: float, size: float) -> int | None:
     """Return which of the known special points, at which branches cross, this one is; None if it is none of them.
 
-    A doubling of one branch is a branch point of those of twice the period that begin there. ``scale`` is the size of
-    the parameter.
+    A doubling of one branch is a branch point of those of twice the period that begin there.
+
+    Parameters
+    ----------
+    point : SpecialPoint
+    known : iterable of SpecialPoint
+    scale : float
+        Size of the parameter.
+    size : float
+        Motions smaller than this are not measured relative to themselves: they may be rest.
     """
     for i, other in enumerate(known):
         if abs(point.value - other.value) > SAME_PLACE * scale:
             continue
-        size = max(float(np.linalg.norm(each.solution.coefficients)) for each in (point, other))
-        if image_of(point.solution, other.solution, SAME_PLACE, floor=size or 1.0) is not None:
+        if image_of(point.solution, other.solution, SAME_PLACE, floor=size) is not None:
             return i
     return None
 
@@ -60,6 +69,12 @@ def distance_from_origin(start: Solution) -> float:
     x = start.coefficients.ravel()
     size = max(float(np.linalg.norm(x)), TINY)
     return float(np.linalg.norm(guess_for(attached(start), start.origin) - x)) / size
+
+
+def least_size(branches: Iterable[Branch]) -> float:
+    """Return the size below which motions on branches are not measured relative to themselves."""
+    sizes = [float(np.linalg.norm(branch.coefficients, axis=(1, 2)).max(initial=0.0)) for branch in branches]
+    return SMALL * max(sizes, default=0.0)
 
 
 def branch_through(start: Solution, branches: Sequence[Branch], tol: float) -> int | None:

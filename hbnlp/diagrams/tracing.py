@@ -29,6 +29,8 @@ class Errand:
         As for `hbnlp.trace`.
     known : tuple of SpecialPoint
         Points of the branch that it was switched from: where it meets that again, it ends.
+    size : float
+        Size below which motions are not measured relative to themselves.
     resume : Branch or None
         A part of it that is there already.
     """
@@ -40,6 +42,7 @@ class Errand:
     stability: Floquet | None
     method: PseudoArclength
     known: tuple[SpecialPoint, ...] = ()
+    size: float = 0.0
     resume: Branch | None = None
 
 
@@ -62,7 +65,7 @@ def steps(errand: Errand) -> Generator[Tracer, None, Branch]:
         for traced in tracer:
             yield tracer
             crossed = [point for point in traced.special_points if is_crossed(point)]
-            if any(place_of(point, errand.known, scale) is not None for point in crossed):
+            if any(place_of(point, errand.known, scale=scale, size=errand.size) is not None for point in crossed):
                 return tracer.branch(End.MET)
     except Exception as error:  # noqa: BLE001 - of one of many branches, which tells it
         return tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
