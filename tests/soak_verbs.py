@@ -161,8 +161,9 @@ def follow():
     )
 
 
-def resolve_harmonics():
-    return Verb(lambda count: hbnlp.resolve_harmonics(branch(), 1e-6, callbacks=[count]), len)
+def trace_to_a_tolerance():
+    tolerant = hbnlp.HarmonicBalance(duffing(damping_ratio=0.05, cubic=1.0, force=0.5), tolerance=1e-4)
+    return Verb(lambda count: hbnlp.trace(tolerant, "omega", (0.3, 3.0), callbacks=[count]), len)
 
 
 def identify():
@@ -216,6 +217,6 @@ VERBS = {
     for verb in (
         *(new_problem, cold_start, by_ipopt, by_rootfinder, program, program_of_a_fold, fit, peaks, stability_limits),
         *(lift_response, floquet, truncation_error, switch_branch, integrate, integrate_adaptively, trace, sweep),
-        *(sweep_by_integration, find_all, follow, resolve_harmonics, identify, flow, campaign),
+        *(sweep_by_integration, find_all, follow, trace_to_a_tolerance, identify, flow, campaign),
     )
 }

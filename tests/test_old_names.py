@@ -9,6 +9,7 @@ import pytest
 
 import hbnlp
 import hbnlp.dns
+import hbnlp.plot
 from hbnlp.core.renamed import renamed_arguments, renamed_name
 
 CHANGELOG = (Path(__file__).parents[1] / "CHANGELOG.md").read_text(encoding="utf-8")
@@ -84,11 +85,13 @@ OLD_CALLS = {
     "progress.n_folds": (lambda b: progress().n_folds, AttributeError, r"progress.counts\['folds'\]"),
     "progress.branch()": (lambda b: progress().branch(), AttributeError, r"progress.result\(\)"),
     "integrate(progress=)": (lambda b: hbnlp.integrate(b.problem.system, progress=print), TypeError, r"callbacks=\["),
-    "resolved.solutions[i]": (
-        lambda b: hbnlp.resolve_harmonics(b, 0.1).solutions,
+    "hbnlp.resolve_harmonics": (
+        lambda b: hbnlp.resolve_harmonics,
         AttributeError,
-        r"resolved.solution\(i\)",
+        r"write hbnlp.trace\(hbnlp.HarmonicBalance\(system, tolerance=1e-4\), name, span\)",
     ),
+    "hbnlp.ResolvedBranch": (lambda b: hbnlp.ResolvedBranch, AttributeError, "write hbnlp.Branch, which has n_harmon"),
+    "hbnlp.plot.plot_resolved": (lambda b: hbnlp.plot.plot_resolved, AttributeError, "color='n_harmonics'"),
     "dns.NonlinearTension": (lambda b: hbnlp.dns.NonlinearTension, AttributeError, "hbnlp.NonlinearMembrane"),
     "dns.LinearTension": (lambda b: hbnlp.dns.LinearTension, AttributeError, "hbnlp.LinearMembrane"),
     "dns.ForceLaw": (lambda b: hbnlp.dns.ForceLaw, AttributeError, "hbnlp.dns.Structure"),
@@ -118,6 +121,9 @@ def test_an_old_call_says_the_new_one(branch, call, error, message):
         ),
         ("from hbnlp import fold_curve", r"write hbnlp.follow\(fold, 'force', span="),
         ("from hbnlp.stability import monodromy", "write hbnlp.floquet"),
+        ("from hbnlp import resolve_harmonics", r"HarmonicBalance\(system, tolerance=1e-4\)"),
+        ("from hbnlp import ResolvedBranch", "write hbnlp.Branch, which"),
+        ("from hbnlp.plot import plot_resolved", "color='n_harmonics'"),
         ("from hbnlp.dns import LinearTension", "write hbnlp.dns.Membrane"),
         ("import hbnlp.dns.plot", "write hbnlp.plot.animate"),
         ("from hbnlp.solve import Ipopt", "hbnlp.solve is no module any more: write 'from hbnlp import ...'"),

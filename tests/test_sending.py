@@ -75,6 +75,22 @@ def test_records_keep_their_numbers_and_one_problem_for_all_their_solutions(sent
     same(hbnlp.peaks(other, "x")[0].solution, hbnlp.peaks(branch, "x")[0].solution)
 
 
+@EVERY_WAY
+def test_with_a_tolerance_every_point_keeps_its_own_harmonics(sent):
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(damping_ratio=0.05, cubic=1.0, force=0.5), tolerance=1e-4)
+    other = sent(problem)
+    assert repr(other) == repr(problem)
+    one, two = (hbnlp.trace(each, "omega", (0.6, 3.0), stability=None) for each in (problem, other))
+    same(one, two)
+    assert len({*one.n_harmonics}) > 1
+    np.testing.assert_array_equal(one.n_harmonics, two.n_harmonics)
+    np.testing.assert_array_equal(one.truncation_error, two.truncation_error)
+    branch = sent(one)
+    for index in (0, len(one) - 1):
+        assert branch.solution(index).problem is branch.problem.with_harmonics(one.n_harmonics[index])
+    same(branch.at(0.9)[0], one.at(0.9)[0])
+
+
 def test_all_other_records_and_options_can_be_sent(problem, branch):
     fold = branch.folds[0]
     solution = hbnlp.solve(problem, at={"omega": 0.8})
@@ -88,7 +104,7 @@ def test_all_other_records_and_options_can_be_sent(problem, branch):
         hbnlp.floquet(solution),
         hbnlp.find_all(problem, at={"omega": 0.8}, method=hbnlp.Search(n_starts=1)),
         hbnlp.follow(fold, "force", span=(0.15, 0.25)),
-        hbnlp.resolve_harmonics(branch, 1e-2),
+        hbnlp.trace(hbnlp.HarmonicBalance(problem.system, tolerance=1e-2), "omega", (0.5, 1.6), stability=None),
         hbnlp.sweep(problem, "omega", [0.6, 0.7]),
         hbnlp.sweep(problem.system, "omega", [0.6], method=hbnlp.RungeKutta4()),
         hbnlp.integrate(problem.system, at={"omega": 0.6}),

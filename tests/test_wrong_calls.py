@@ -1,11 +1,13 @@
 """Mistakes that were made: each is an error at once that says what to write instead."""
 
+import dataclasses
+
 import casadi as ca
 import numpy as np
 import pytest
 
 import hbnlp
-from hbnlp import aero, dns, systems
+from hbnlp import aero, design, dns, identification, systems
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +79,30 @@ OPTIONS = {
     "points of text": (lambda: dns.Points("x"), "positions is 'x'; give an array"),
     "no structure": (lambda: dns.Membrane("x"), "structure is 'x'; give a membrane"),
     "no grid": (lambda: dns.Simulation("x", dns.SharpPlate()), "grid is 'x'; give a Grid"),
+    "a motion without rates": (lambda: dns.Motion(pitch=lambda t: np.nan), r"pitch\(0.0\) is nan; give .*shape \(3,\)"),
+    "a motion that fails": (lambda: dns.Motion(heave=lambda: 0.0), "heave is .*at time 0 it raised TypeError"),
+    "a deflection of another size": (
+        lambda: dns.SharpPlate(lambda t: (np.zeros(3), np.zeros(3)), n_modes=2),
+        r"deflection\(0.0\) has shape \(3,\)",
+    ),
+    "points that are no pairs": (
+        lambda: dns.MovingPoints(lambda t: (0.0, 0.0), ((0.0, 1.0), (0.0, 1.0))),
+        r"motion\(0.0\) has shape \(\)",
+    ),
+    "two turns and a half": (lambda: dns.Motion.at_incidence(900.0), "degrees is 900.0; give .* of at most 180"),
+    "faster than the samples": (
+        lambda: dns.harmonics(0.1 * np.arange(99), np.ones(99), omegas=[1.0, 40.0]),
+        "omegas is .*; give frequencies below 31.4",
+    ),
+    "times out of order": (lambda: dns.harmonics([0.0, 2.0, 1.0, 3.0], np.ones(4), [3.0]), "time is .*; give rising"),
+    "no variables": (lambda: design.Variables({}), r"bounds is \{\}; give one parameter at least"),
+    "a system of nothing": (lambda: hbnlp.System(*np.zeros((3, 0, 0))), "mass is .*one degree of freedom at least"),
+    "a parameter of a system": (lambda: _system(k=2.0), r"no argument 'k'; .*with parameters=\{'k': 2.0\}"),
+    "a parameter of a wing": (
+        lambda: _wing(stiffness=2.0),
+        r"no argument 'stiffness'; .*parameters=\{'stiffness': 2.0",
+    ),
+    "an error of two": (lambda: aero.identify(_data(), tolerance=2.0), "tolerance is 2.0; give .* less than 1"),
     "a balanced number": (lambda: aero.balanced_truncation(3, 1), "rom is 3; give an AeroROM"),
 }
 
@@ -85,12 +111,15 @@ def _wing(**options):
     return hbnlp.membrane_wing(hbnlp.LinearMembrane(n_modes=1), aero.thin_airfoil(1), **options)
 
 
-def _fit():
+def _data():
     rom, omega = aero.thin_airfoil(1), np.linspace(0.1, 1.0, 9)
-    data = aero.FrequencyResponse(
+    return aero.FrequencyResponse(
         omega=omega, values=rom.transfer(1j * omega), static=rom.stiffness, base_load=np.zeros(2)
     )
-    return aero.identify(data, tolerance=0.1)
+
+
+def _fit():
+    return aero.identify(_data(), tolerance=0.1)
 
 
 @pytest.mark.parametrize(("call", "message"), OPTIONS.values(), ids=OPTIONS)
@@ -121,3 +150,31 @@ def test_a_system_without_mass_has_no_solution_here():
     system = hbnlp.System([[0.0]], [[1.0]], [[1.0]], forcing=lambda tau, p: [ca.cos(tau)])
     with pytest.raises(ValueError, match="mass matrix is singular"):
         hbnlp.solve(hbnlp.HarmonicBalance(system, 1), at={"omega": 1.0})
+
+
+def test_an_image_by_what_is_no_symmetry_is_refused(branch):
+    with pytest.raises(TypeError, match=r"symmetry is 3; give an hbnlp.Symmetry"):
+        branch.solution(0).image(3)
+
+
+@pytest.mark.parametrize("measured", [[-1.0], [0.0]])
+def test_measured_amplitudes_are_not_negative_nor_nothing(problem, branch, measured):
+    found = branch.solution(0)
+    fit = identification.Identification(
+        design.Variables({"force": (0.1, 0.3)}), problem, [(found.parameters, found)], "x"
+    )
+    with pytest.raises(ValueError, match=r"measured is .*; give amplitudes, which are not negative"):
+        fit.fit(measured, {"force": 0.2})
+
+
+def test_what_json_cannot_write_is_named_and_nothing_is_written(tmp_path):
+    data = dataclasses.replace(_data(), provenance={"mesh": np.arange(3)})
+    with pytest.raises(TypeError, match=r"provenance is not what JSON can write: array\(\[0, 1, 2\]\) is neither"):
+        data.save(tmp_path / "g.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_path_with_the_character_0_is_refused(branch, tmp_path):
+    for verb in (branch.save, hbnlp.Branch.load):
+        with pytest.raises(ValueError, match=r"path is .*without the character 0"):
+            verb(f"{tmp_path}/a\0b")

@@ -1,16 +1,17 @@
 r"""
-As many harmonics as each point needs
-=====================================
+A tolerance instead of a number of harmonics
+============================================
 
-How good is a number of harmonics? `hbnlp.truncation_error` estimates it without a better solution to compare with:
-the residual in the harmonics beyond the retained ones, answered by one Newton step. *Left:* a strongly forced Duffing
-oscillator, the estimate (lines) beside the true error (dots, against 35 harmonics), which it meets within a third
-where that is below a tenth. Superharmonic resonances below :math:`\omega = 1` need many harmonics, the main one few.
+How good is a number of harmonics? `hbnlp.truncation_error` estimates it without a better solution to compare with: each
+harmonic beyond the retained ones answers, by its own dynamic stiffness, what they leave over, and the retained ones
+answer that. *Left:* a strongly forced Duffing oscillator, the estimate (lines) beside the true error (dots, against 35
+harmonics), which it meets within a third where that is below a tenth. Superharmonic resonances below :math:`\omega = 1`
+need many harmonics, the main one few.
 
-*Right:* `hbnlp.resolve_harmonics` picks the number point by point along a branch, so that the error stays below a
-tolerance, through the folds: for the Duffing oscillator and for the membrane wing of
-:doc:`../paper/figure_4_hysteresis`, traced with three harmonics up to a pitching frequency of 4, where higher modes
-resonate with the harmonics.
+*Right:* with a tolerance in the place of a number, ``HarmonicBalance(system, tolerance=1e-4)``, each point of a branch
+has as many harmonics as its estimated error asks for: the Duffing oscillator, through its folds, and the membrane wing
+of :doc:`../paper/figure_4_hysteresis`, whose higher modes resonate with the harmonics. The value of a fold is then as
+exact as the motion.
 """
 
 import numpy as np
@@ -43,18 +44,21 @@ left.legend()
 membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
 wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
 cases = (
-    ("Duffing oscillator", hbnlp.HarmonicBalance(duffing, n_harmonics=5), (0.15, 3.0), {}, "C0"),
-    ("wing", hbnlp.HarmonicBalance(wing, n_harmonics=3), (0.5, 4.0), {"pitch_amplitude": np.radians(2.5)}, "C1"),
+    ("Duffing oscillator", duffing, (0.15, 3.0), {}, "C0"),
+    ("wing", wing, (0.5, 4.0), {"pitch_amplitude": np.radians(2.5)}, "C1"),
 )
-for name, problem, span, at, colour in cases:
-    branch = hbnlp.trace(problem, "omega", span, at=at, stability=None)
+for name, system, span, at, colour in cases:
     for tolerance, style in ((1e-2, "--"), (1e-4, "-")):
-        resolved = hbnlp.resolve_harmonics(branch, tolerance, at_most=25)
-        print(name, repr(resolved))
+        problem = hbnlp.HarmonicBalance(system, tolerance=tolerance)
+        branch = hbnlp.trace(problem, "omega", span, at=at, stability=None)
+        print(branch)
         label = f"{name}, to {tolerance:g}"
-        right.plot(resolved.parameter, resolved.n_harmonics, style, color=colour, drawstyle="steps-mid", label=label)
-        assert resolved.reached.all()
-right.set(xlabel=r"$\omega$", ylabel="H", title="number of harmonics picked", yticks=range(1, 22, 2))
+        right.plot(branch.parameter, branch.n_harmonics, style, color=colour, drawstyle="steps-pre", label=label)
+        assert branch.complete
+        assert branch.truncation_error.max() <= tolerance
+        for fold, exact in zip(branch.folds, (2.2119353170, 1.4386701455), strict=False):
+            assert abs(fold.value - exact) < 0.1 * tolerance
+right.set(xlabel=r"$\omega$", ylabel="H", title="number of harmonics of each point", yticks=range(1, 40, 4))
 right.legend()
 figure.savefig("choose_harmonics.png", dpi=110)
 

@@ -190,9 +190,11 @@ class FrequencyResponse(ReadOnlyArrays):
 
         Raises
         ------
-        ValueError
-            If the header differs, a cell is no finite number, an entry is missing or given twice, or the static value
-            is missing; it names line, column and value.
+        FileNotFoundError
+            If there is no such file.
+        LoadError
+            (A `ValueError`.) If it is no such table, a cell is no finite number, an entry is missing or given twice, or
+            the static value is missing or complex; it names line, column and value.
         """
         file_name("path", path)
         base_load = None if base_load is None else finite_array("base_load", base_load, (None,))

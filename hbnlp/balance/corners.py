@@ -14,10 +14,11 @@ import casadi as ca
 import numpy as np
 
 from hbnlp.core.kept import built_once
-from hbnlp.core.types import Array
-from hbnlp.fourier import basis_derivatives, basis_values
+from hbnlp.core.types import Array, IntArray
+from hbnlp.fourier import basis_values, differentiated
+from hbnlp.systems.called import Call, calls
 from hbnlp.systems.chunks import in_chunks, of_columns
-from hbnlp.systems.quadrature import find_breaks
+from hbnlp.systems.quadrature import find_breaks, find_jumps
 from hbnlp.systems.switches import switches
 from hbnlp.systems.system import System
 
@@ -37,15 +38,19 @@ class Corner(NamedTuple):
     entry : int
         Degree of freedom whose force it is.
     quantity : str
-        What is zero there, in the user's symbols: ``q[0] - gap``.
+        What is zero there, in the user's symbols: ``q[0] - gap``; of a function that is called, its arguments.
     phases : tuple of float
         Of the forcing, from 0 to ``2 pi periods``.
     jump : float
         Of the force; zero for a kink.
     width : float
-        Over which it can be rounded and sampled, in units of the quantity.
+        Over which it can be rounded and sampled, in units of the quantity; nan for a function that is called.
     by_phase : bool
         Whether the quantity is one of tau and parameters alone.
+    settled : bool
+        Whether the number of samples is the user's word.
+    called : str
+        The function that has the corner, and what to do about it; empty if the force itself has it.
     """
 
     entry: int
@@ -54,6 +59,8 @@ class Corner(NamedTuple):
     jump: float
     width: float
     by_phase: bool
+    settled: bool
+    called: str
 
     def __str__(self) -> str:
         kind = f"a step of {self.jump:.3g}" if self.jump else "a corner"
@@ -63,19 +70,23 @@ class Corner(NamedTuple):
             if self.by_phase
             else ""
         )
+        if not self.settled:
+            instead += "; or pass n_samples, and see what twice as many change"
+        here = f"nonlinear_force[{self.entry}] has {kind} on this motion at tau = {phases}"
+        if self.called:
+            return f"{here}, which is that of {self.called}{instead}"
         return (
-            f"nonlinear_force[{self.entry}] has {kind} on this motion at tau = {phases}, where d = {self.quantity} is "
-            f"zero: round it over a width in units of d, {self.width:g} or more here, writing "
-            "ca.sqrt(d**2 + width**2) for |d|, half of d + ca.sqrt(d**2 + width**2) for max(d, 0), ca.tanh(d / width) "
-            f"for sign(d){instead}"
+            f"{here}, where d = {self.quantity} is zero: round it over a width in units of d, {self.width:g} or more "
+            "here, writing ca.sqrt(d**2 + width**2) for |d|, half of d + ca.sqrt(d**2 + width**2) for max(d, 0), "
+            f"ca.tanh(d / width) for sign(d){instead}"
         )
 
 
 class Corners:
     """What finds the corners of a system's force along motions of so many forcing periods."""
 
-    def __init__(self, system: System, periods: int) -> None:
-        self._system, self._periods = system, periods
+    def __init__(self, system: System, periods: int, *, settled: bool) -> None:
+        self._system, self._periods, self._settled = system, periods, settled
         self._omega = system.parameters.index("omega")
 
     def worst(self, coefficients: Array, values: Array) -> Corner | None:
@@ -86,10 +97,9 @@ class Corners:
         coefficients : array (n_dof, 2H+1)
         values : array (n_parameters,)
         """
-        if not self._switches.numel() or not np.all(np.isfinite(coefficients)):
+        if not np.all(np.isfinite(coefficients)):
             return None
-        phases, of = find_breaks(lambda theta: self._at(self._quantities, coefficients, values, theta))
-        phases, of = phases[of >= 0], of[of >= 0]
+        phases, of = self._candidates(coefficients, values)
         if not phases.size:
             return None
         n = self._system.n_dof
@@ -106,14 +116,31 @@ class Corners:
             return None
         entry, k = (int(i) for i in np.unravel_index(np.argmax(found), found.shape))
         here = phases[(of == of[k]) & (found[entry] > 0.0)]
+        call = self._calls[of[k] - self._switches.numel()] if of[k] >= self._switches.numel() else None
+        quantity = self._switches[of[k]] if call is None else call.arguments
+        name = self._name(quantity)
         return Corner(
             entry=entry,
-            quantity=self._name(of[k]),
+            quantity=name,
             phases=tuple(self._periods * here % (2.0 * np.pi * self._periods)),
             jump=float(steps[entry, k]),
-            width=self._width(coefficients, values, of[k]),
-            by_phase=not ca.depends_on(self._switches[of[k]], ca.vertcat(self._system.q, self._system.v)),
+            width=self._width(coefficients, values, of[k]) if call is None else np.nan,
+            by_phase=not ca.depends_on(quantity, ca.vertcat(self._system.q, self._system.v)),
+            settled=self._settled,
+            called="" if call is None else f"{call.function.name()}({name}), {call.advice}",
         )
+
+    def _candidates(self, coefficients: Array, values: Array) -> tuple[Array, IntArray]:
+        """Return phases where the force may have a corner, and which: of the switches, or after them of the calls."""
+        phases, of = np.zeros(0), np.zeros(0, dtype=int)
+        if self._switches.numel():
+            phases, of = find_breaks(lambda theta: self._at(self._quantities, coefficients, values, theta))
+            phases, of = phases[of >= 0], of[of >= 0]
+        if self._calls:
+            jumps, slope = find_jumps(lambda theta: self._at(self._slopes, coefficients, values, theta))
+            phases = np.append(phases, jumps)
+            of = np.append(of, self._switches.numel() + np.repeat(np.arange(len(self._calls)), self._n_slopes)[slope])
+        return phases, of
 
     def _width(self, coefficients: Array, values: Array, quantity: int) -> float:
         """Return the width of rounding with one digit, upwards."""
@@ -125,29 +152,36 @@ class Corners:
 
     def _at(self, function: ca.Function, coefficients: Array, values: Array, theta: Array) -> Array:
         """Return what a function of (q, v, tau, p, q', v') gives at phases of the motion's own period."""
-        n_harmonics, rate = coefficients.shape[1] // 2, values[self._omega] / self._periods
-        q, slope, bend = (
-            coefficients @ basis.T
-            for basis in (
-                basis_values(theta, n_harmonics),
-                basis_derivatives(theta, n_harmonics),
-                basis_derivatives(theta, n_harmonics, 2),
-            )
-        )
+        basis, rate = basis_values(theta, coefficients.shape[1] // 2), values[self._omega] / self._periods
+        by_phase = differentiated(coefficients)
+        q, slope, bend = (each @ basis.T for each in (coefficients, by_phase, differentiated(by_phase)))
         return in_chunks(function, q, rate * slope, self._periods * theta[None, :], values, slope, rate * bend)
 
-    def _name(self, quantity: int) -> str:
-        """Return a quantity in the user's symbols."""
+    def _name(self, quantity: ca.SX) -> str:
+        """Return a quantity, or several, in the user's symbols."""
         system = self._system
         symbols = [*ca.vertsplit(system.q), *ca.vertsplit(system.v), *ca.vertsplit(system.p)]
         names = [f"{letter}[{i}]" for letter in "qv" for i in range(system.n_dof)] + list(system.parameters.names)
         named = ca.vertcat(*[ca.SX.sym(name) for name in names])
-        (said,) = ca.substitute([self._switches[quantity]], [ca.vertcat(*symbols)], [named])
-        return textwrap.shorten(str(said), 60, placeholder=" ...")
+        (said,) = ca.substitute([quantity], [ca.vertcat(*symbols)], [named])
+        return textwrap.shorten(", ".join(map(str, ca.vertsplit(said))), 60, placeholder=" ...")
 
     @built_once
     def _switches(self) -> ca.SX:
         return ca.densify(switches(self._system.force))
+
+    @built_once
+    def _calls(self) -> list[Call]:
+        return calls(self._system.force)
+
+    @built_once
+    def _n_slopes(self) -> list[int]:
+        """How many slopes each call has."""
+        return [int(call.slopes().numel()) for call in self._calls]
+
+    @built_once
+    def _slopes(self) -> ca.Function:
+        return self._function("slopes", ca.vertcat(*[call.slopes() for call in self._calls]))
 
     @built_once
     def _quantities(self) -> ca.Function:

@@ -13,6 +13,7 @@ from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array
 from hbnlp.systems.lags import Lags
 from hbnlp.systems.signals import excitation_signals
+from hbnlp.systems.slopes import slope_along
 from hbnlp.systems.system import System
 
 
@@ -65,8 +66,7 @@ class CompiledLaws:
         p, direction = self._system.p, ca.SX.sym("direction", self._system.p.numel())
 
         def along(expression: ca.SX) -> ca.SX:
-            slope = ca.jtimes(ca.vec(ca.densify(expression)), p, direction)
-            return ca.densify(ca.reshape(slope, *expression.shape))
+            return ca.reshape(slope_along(ca.vec(ca.densify(expression)), p, direction), *expression.shape)
 
         return ca.Function("matrices_along", [p, direction], [along(e) for e in self._expressions])
 

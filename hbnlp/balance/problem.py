@@ -227,12 +227,21 @@ class HarmonicBalance:
         if not self.sampling.may_double:
             corner = self.corner(x, values)
             if corner is not None:
-                raise CornerError(f"{corner}; or pass n_samples, and see what twice as many change")
+                raise CornerError(str(corner))
         if self.aliasing(x, values) > ALIASING_TOL:
             return False
         # what is narrower than a sample lies between those of both; the tail of a kink's harmonics may go on a little
         dense = self._with(self.sampling.dense())
         return self._moved_by(dense, x, values) <= 10.0 * ALIASING_TOL
+
+    def check_doubling(self, x: Array, values: Array) -> None:
+        """Raise a CornerError if the force has a corner on a motion for which even the most samples are too few.
+
+        It says at once what all doublings would come to, were the motion to stay as it is.
+        """
+        corner = self.corner(x, values) if self.sampling.may_double else None
+        if corner is not None and self._with(self.sampling.last_doubled()).aliasing(x, values) > ALIASING_TOL:
+            raise CornerError(str(corner))
 
     def aliasing(self, x: Array, values: Array) -> float:
         """Return by how much twice the samples of the force move the residual, relative to its terms."""
@@ -249,7 +258,7 @@ class HarmonicBalance:
 
     @built_once
     def _corners(self) -> Corners:
-        return Corners(self.system, self.periods)
+        return Corners(self.system, self.periods, settled=self.samples_are_settled)
 
     @built_once
     def assembly(self) -> Assembly:

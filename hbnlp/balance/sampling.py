@@ -121,6 +121,13 @@ class Sampling(FieldsAlone):
         n_samples = max(DENSE_SAMPLES, self.n_samples)
         return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
 
+    def last_doubled(self) -> Sampling:
+        """Return the policy that doubling comes to at last but one: that with the most samples which may be doubled."""
+        n_samples = self.n_samples
+        while 4 * n_samples <= MOST_SAMPLES:
+            n_samples *= 2
+        return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
+
     def doubled(self) -> Sampling:
         """Return the policy with twice the samples of the force, still to be checked.
 

@@ -31,6 +31,7 @@ from hbnlp.core.records import AlongParameter, loaded, save_columns, taken_apart
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
 from hbnlp.solutions.crossing import solution_between
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.solution import Solution, attached
@@ -276,6 +277,7 @@ class Branch(AlongParameter):
         """Raise a ValueError that says in what they differ unless its problem is that of its points."""
         problem = self.problem
         if problem is not None:
+            check_numbers(problem, self.n_harmonics, what="branch")
             for index in {0, len(self) - 1} if len(self) else ():
                 solution = self.solution(index)
                 check_belongs(problem.carrying(solution.n_harmonics), solution, what="branch")
@@ -298,22 +300,6 @@ class Branch(AlongParameter):
             f"  stability: {stability}\n"
             f"  end: {self.message}"
         )
-
-
-def numbers_of_harmonics(column: IntArray | None, coefficients: Array) -> IntArray:
-    """Return the number of harmonics of each point; a file of an earlier version says nothing, as all have as many.
-
-    Raises
-    ------
-    ValueError
-        If there is a number that is none of the coefficients (n_points, n_dof, 2H+1).
-    """
-    most = coefficients.shape[2] // 2
-    if column is None:
-        return np.full(len(coefficients), most)
-    if np.any((column < 1) | (column > most)):
-        raise ValueError(f"a point has {column.max()} or {column.min()} harmonics, the coefficients have {most}")
-    return column
 
 
 LAYOUT = Layout(

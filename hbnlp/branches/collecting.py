@@ -13,10 +13,10 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.point import Point
-from hbnlp.core.checks import counted
 from hbnlp.core.kinds import End
 from hbnlp.core.types import Array
 from hbnlp.fourier import n_coefficients
+from hbnlp.solutions.columns import not_met
 from hbnlp.solutions.equations import Equations
 from hbnlp.stability.result import FloquetResult
 
@@ -76,7 +76,7 @@ def make_branch(
         span=span,
         special_points=tuple(_bracketed(point, columns["parameter"]) for point in points),
         end=end,
-        message=message + _not_met(columns["truncation_error"], problem),
+        message=message + not_met(columns["truncation_error"], problem),
         parameters={key: value for key, value in curve.fixed_parameters().items() if key != name},
         parameter_names=problem.system.parameters.names,
         system_name=problem.system.name,
@@ -84,18 +84,6 @@ def make_branch(
         periods=problem.periods,
         refused=refused,
         problem=problem if problem.truncation is None else problem.with_harmonics(problem.truncation.first),
-    )
-
-
-def _not_met(errors: Array | None, problem: HarmonicBalance) -> str:
-    """Return what is to be said of points at which the most harmonics do not do."""
-    policy = problem.truncation
-    count = 0 if policy is None or errors is None else np.count_nonzero(errors > policy.tolerance)
-    if not count or policy is None:
-        return ""
-    return (
-        f"; {counted(int(count), 'point')} not within the tolerance {policy.tolerance:g} with most_harmonics = "
-        f"{policy.most_harmonics}"
     )
 
 

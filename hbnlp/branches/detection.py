@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hbnlp.branches.critical import with_multiplier
 from hbnlp.branches.floquet_points import bifurcation_function, critical_multiplier, crossings, samples_at
 from hbnlp.branches.folds import fold_by_newton, fold_sensitivity, left_null_vector
+from hbnlp.branches.forecast import Spectrum, hidden_crossing
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.branch_points import BranchPoint
 from hbnlp.continuation.dips import Sample, crossing_in
@@ -14,13 +17,13 @@ from hbnlp.continuation.locating import between, locate
 from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import Kind
-from hbnlp.core.types import Array
+from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.equations import Equations
 from hbnlp.solutions.identity import broken_in
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import FloquetResult
 
-KEPT = 12
+KEPT = 24
 """Points whose multipliers are kept: those of a step and of the looks into it."""
 SHORTEST = 1e-6
 """Shorter steps are not looked into."""
@@ -49,7 +52,7 @@ class Detector:
     def __init__(self, evaluator: FloquetEvaluator | None, newton: Newton) -> None:
         self._evaluator, self._newton = evaluator, newton
         self._known: list[tuple[Point, FloquetResult]] = []
-        self._earlier: tuple[Sample | None, ...] | None = None
+        self._earlier: Spectrum | None = None
         self._crossing: BranchPoint | None = None
 
     def multipliers(self, curve: Equations, point: Point) -> FloquetResult | None:
@@ -59,35 +62,29 @@ class Detector:
     def shorter_step(self, curve: Equations, before: Point, after: Point) -> float | None:
         """Return the length of a step into what this one steps over; None if it hides nothing, or stability is off.
 
-        A tongue between two points is entered and left by two crossings, which cancel at its ends: the test functions
-        of the multipliers then dip to zero and come back.
+        A tongue between two points is entered and left by two crossings, which cancel at its ends: the determinants
+        then dip to zero and come back, and pairs of multipliers are forecast to leave the unit circle and return.
         """
-        evaluator = self._evaluator
-        if evaluator is None:
+        evaluator, length = self._evaluator, after.arclength - before.arclength
+        if evaluator is None or length <= SHORTEST:
             return None
-        here, there = (self._samples(curve, point, point.arclength, evaluator) for point in (before, after))
-        earlier = self._earlier if self._earlier is not None else (None,) * len(here)
-        length = after.arclength - before.arclength
-        if length <= SHORTEST:
-            return None
-        for k, samples in enumerate(zip(earlier, here, there, strict=True)):
-            past, one, other = samples
-            if one is None or other is None or one.sign != other.sign:
-                continue
-            seen: dict[float, Point] = {}
+        here, there = (self._spectrum(curve, point, evaluator) for point in (before, after))
+        seen: dict[float, Point] = {}
 
-            def look(place: float, k: int = k, seen: dict[float, Point] = seen) -> Sample | None:
-                share = (place - before.arclength) / length
-                point = between(curve, before, after, share, self._newton)
+        def look(place: float) -> ComplexArray | None:
+            if place not in seen:
+                point = between(curve, before, after, (place - before.arclength) / length, self._newton)
                 if point is None:
                     return None
                 seen[place] = point
-                return self._samples(curve, point, place, evaluator)[k]
+            return self._floquet(curve, seen[place], evaluator).multipliers
 
-            place = crossing_in(past, one, other, look)
-            if place is not None and place in seen:
-                return float(before.tangent / before.scale**2 @ (seen[place].y - before.y))
-        return None
+        place = _dip(self._earlier, here, there, look)
+        if place is None and all(self._floquet(curve, point, evaluator).converged for point in (before, after)):
+            place = hidden_crossing(self._earlier, here, there, look, evaluator.options.tol)
+        if place is None or place not in seen:
+            return None
+        return float(before.tangent / before.scale**2 @ (seen[place].y - before.y))
 
     def between(self, curve: Equations, before: Point, after: Point, index: int) -> tuple[SpecialPoint, ...]:
         """Return the special points in a step; ``index`` is the number of the point before it."""
@@ -123,7 +120,7 @@ class Detector:
         """Take a step as made: the next one is seen beside it."""
         self._crossing = after.branch_point
         if self._evaluator is not None:
-            self._earlier = self._samples(curve, before, before.arclength, self._evaluator)
+            self._earlier = self._spectrum(curve, before, self._evaluator)
 
     def same(self, known: Point, other: Point) -> None:
         """Take the multipliers of one point for another, in its place on a curve with fewer harmonics."""
@@ -139,10 +136,8 @@ class Detector:
         before = next((result for point, result in self._known if point is known), None)
         return before is None or not crossings(before, self._floquet(curve, other, self._evaluator))
 
-    def _samples(
-        self, curve: Equations, point: Point, place: float, evaluator: FloquetEvaluator
-    ) -> tuple[Sample | None, ...]:
-        return samples_at(self._floquet(curve, point, evaluator).multipliers, place)
+    def _spectrum(self, curve: Equations, point: Point, evaluator: FloquetEvaluator) -> Spectrum:
+        return Spectrum(point.arclength, self._floquet(curve, point, evaluator).multipliers)
 
     def _floquet(self, curve: Equations, point: Point, evaluator: FloquetEvaluator) -> FloquetResult:
         for known, result in self._known:
@@ -164,18 +159,19 @@ class Detector:
         evaluator: FloquetEvaluator,
         which: int,
     ) -> SpecialPoint | None:
-        """Return the period doubling or Neimark-Sacker point in a step; None if nothing of that kind is there."""
+        """Return the period doubling or Neimark-Sacker point in a step; None if what is there proves to be neither."""
 
         def at(point: Point) -> FloquetResult:
             return self._floquet(curve, point, evaluator)
 
         test = bifurcation_function(kind, before, after, at, which=which)
-        if test is None:
-            return None
         crosses = test(before) * test(after) < 0.0
         located = locate(curve, before, after, test, self._newton) if crosses else None
         if located is None:
             return _unrefined(curve, kind, before, after, index)
+        critical = critical_multiplier(kind, at(located).multipliers)
+        if critical is None:
+            return None
         return SpecialPoint(
             kind=kind,
             name=curve.name,
@@ -184,7 +180,7 @@ class Detector:
             index=index,
             refined=True,
             solution=curve.solution(located.y, residual=located.residual),
-            multiplier=critical_multiplier(kind, at(located).multipliers),
+            multiplier=critical,
         )
 
 
@@ -193,6 +189,26 @@ def _with_harmonics_of(curve: Equations, evaluator: FloquetEvaluator) -> Floquet
     if curve.problem.n_harmonics == evaluator.n_harmonics:
         return evaluator
     return FloquetEvaluator.of(curve.problem, evaluator.options)
+
+
+def _dip(
+    earlier: Spectrum | None, here: Spectrum, there: Spectrum, look: Callable[[float], ComplexArray | None]
+) -> float | None:
+    """Return a place in a step at which a test function has another sign than at both ends; None if there is none."""
+    begin, end = (samples_at(each.multipliers, each.place) for each in (here, there))
+    before = samples_at(earlier.multipliers, earlier.place) if earlier is not None else (None,) * len(begin)
+    for k, (past, one, other) in enumerate(zip(before, begin, end, strict=True)):
+        if one is None or other is None or one.sign != other.sign:
+            continue
+
+        def sample(place: float, k: int = k) -> Sample | None:
+            multipliers = look(place)
+            return samples_at(multipliers, place)[k] if multipliers is not None else None
+
+        place = crossing_in(past, one, other, sample)
+        if place is not None:
+            return place
+    return None
 
 
 def _kernel(curve: Equations, y: Array) -> tuple[float, float]:

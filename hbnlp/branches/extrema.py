@@ -8,10 +8,14 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
+from hbnlp.continuation.point import start_point
 from hbnlp.core.checks import instance_of, two_values, whole_number
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind, Status
+from hbnlp.core.types import Array
+from hbnlp.solutions.accuracy import Accuracy, Judgement
+from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.ipopt import Ipopt, minimise
 from hbnlp.solutions.solution import Solution, attached, make_solution
 
@@ -29,6 +33,8 @@ def locate_peak(
     index: int = 0,
 ) -> SpecialPoint:
     """Return the point near a solution where the amplitude of an output is largest along the branch.
+
+    With a tolerance it has as many harmonics as a point of the branch would have there.
 
     Parameters
     ----------
@@ -55,17 +61,22 @@ def locate_peak(
     if bracket is not None:
         two_values("bracket", bracket, f"values of {name}")
     values, problem = problem.values(near.parameters), problem.carrying(near.n_harmonics)
-    squared = problem.amplitude_squared(output, harmonic)
-    size = max(float(np.abs(near.harmonics(output)[harmonic])), TINY)
-    found = minimise(
-        problem,
-        -squared / size**2,
-        problem.vector(near.coefficients),
-        values,
-        free=[name],
-        method=method or Ipopt(),
-        bounds=None if bracket is None else [(min(bracket), max(bracket))],
-    )
+    bounds = None if bracket is None else [(min(bracket), max(bracket))]
+    accuracy = Accuracy(problem) if problem.truncation is not None else None
+    guess, error = problem.vector(near.coefficients), None
+    while True:
+        squared = problem.amplitude_squared(output, harmonic)
+        size = max(float(np.abs(near.harmonics(output)[harmonic])), TINY)
+        found = minimise(
+            problem, -squared / size**2, guess, values, free=[name], method=method or Ipopt(), bounds=bounds
+        )
+        if accuracy is None or not found.success:
+            break
+        error, wanted, better = _judged(accuracy, problem, name, found.x, found.values)
+        if wanted == problem.n_harmonics:
+            break
+        problem, values = problem.with_harmonics(wanted), found.values
+        guess = problem.vector(better)
     value = float(found.values[problem.system.parameters.index(name)])
     status = Status.CONVERGED if found.success else Status.NOT_CONVERGED
     statistics: dict[str, float | str] = {"method": "Ipopt", "iterations": found.iterations}
@@ -84,7 +95,16 @@ def locate_peak(
         index=index,
         refined=True,
         solution=solution,
+        truncation_error=error,
+        converged=None if accuracy is None or error is None else error <= accuracy.policy.tolerance,
     )
+
+
+def _judged(accuracy: Accuracy, problem: HarmonicBalance, name: str, x: Array, values: Array) -> Judgement:
+    """Return the error of a peak normal to the branch, as that of its points, and the harmonics it should have."""
+    curve = along_parameter(problem, values, name)
+    y = curve.unknowns.joined(x, [values[problem.system.parameters.index(name)]])
+    return accuracy.judge(curve, y, start_point(curve, y, curve.unknowns.fixing_last()).tangent / curve.scale(y) ** 2)
 
 
 @interrupts_kept()
@@ -126,6 +146,7 @@ def peaks(
     problem = problem or attached(branch, "pass the problem that it was traced with, problem=...")
     whole_number("harmonic", harmonic, least=1, most=int(branch.n_harmonics.max()), advice=", which are retained")
     amplitude = np.abs(branch.harmonics(output)[:, harmonic])
+    amplitude[branch.n_harmonics < harmonic] = np.nan  # negligible there, and no maximum lies beside
     if branch.closed:  # its last point is its first again: the one before stands ahead of the first
         amplitude = np.append(amplitude[-2], amplitude)
     tops = np.flatnonzero((amplitude[1:-1] >= amplitude[:-2]) & (amplitude[1:-1] > amplitude[2:])) + (not branch.closed)

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
+from hbnlp.branches.forecast import MATTERS, unstable
 from hbnlp.continuation.dips import Sample
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import Kind
-from hbnlp.core.types import ComplexArray
+from hbnlp.core.types import BoolArray, ComplexArray
 from hbnlp.stability.result import FloquetResult
 
 Multipliers = Callable[[Point], FloquetResult]
 
-MATTERS = 1e-3
-"""Multipliers of smaller modulus are far from the unit circle, and stay out of the test functions."""
 ROUNDING = 1e-8
 """Factors of test functions below this have no sign that can be trusted."""
 
@@ -26,22 +25,17 @@ def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
 
     Folds and branch points (a multiplier through +1) are seen by the continuation itself and are not named here. The
     number of real multipliers beyond -1 changes parity at a period doubling; pairs of unstable multipliers that neither
-    +1 nor -1 accounts for are Neimark-Sacker bifurcations. What is beyond the unit circle by less than the tolerance of
-    the multipliers is not beyond it: without damping all of them are on it.
+    +1 nor -1 accounts for are Neimark-Sacker bifurcations. One may hide behind a multiplier through +1 or -1, as where
+    a pair comes in, becomes real, and one of it goes out: the product of 1 - mu_i mu_j over all pairs changes its sign
+    then. It does so as well where two real multipliers have the product one, so that what is critical there has to be
+    looked at. What is beyond the unit circle by less than the tolerance of the multipliers is not beyond it: without
+    damping all of them are on it.
     """
     if not (a.converged and b.converged):
         return ()
-    margin = max(a.options.tol, b.options.tol)
-    before, after, kinds = a.multipliers, b.multipliers, []
-    doubling = (_beyond(before, -1.0, margin) - _beyond(after, -1.0, margin)) % 2
-    if doubling:
-        kinds.append(Kind.PERIOD_DOUBLING)
-    unstable = abs(_unstable(before, margin) - _unstable(after, margin))
-    through_one = (_beyond(before, 1.0, margin) - _beyond(after, 1.0, margin)) % 2
-    # one may come in through +1 or -1 while a pair goes out, or a pair become real on its way through +1
-    hidden = bool(doubling or through_one) and _pair_crosses(before, after, margin)
-    pairs = max((unstable - doubling - through_one) // 2, int(hidden))
-    return (*kinds, *[Kind.NEIMARK_SACKER] * pairs)
+    counted = _counted(a, b)
+    doublings = [Kind.PERIOD_DOUBLING] * counted.doubling
+    return (*doublings, *[Kind.NEIMARK_SACKER] * (counted.pairs + counted.hidden))
 
 
 def samples_at(multipliers: ComplexArray, place: float) -> tuple[Sample | None, ...]:
@@ -65,45 +59,64 @@ def _sample(factors: ComplexArray, place: float) -> Sample | None:
 
 def bifurcation_function(
     kind: Kind, before: Point, after: Point, at: Multipliers, *, which: int = 0
-) -> Callable[[Point], float] | None:
-    """Return a function that vanishes at the bifurcation between two points; None if nothing of that kind is there.
+) -> Callable[[Point], float]:
+    """Return a function that vanishes at the bifurcation between two points.
 
     Of several Neimark-Sackers in one step, ``which`` counts them.
     """
     if kind is Kind.PERIOD_DOUBLING:
         return _doubling_test(at)
-    fewer, more = sorted(_unstable_pairs(at(point).multipliers) for point in (before, after))
-    return _pair_test(at, fewer + which) if fewer + which < more else None
+    counted = _counted(at(before), at(after))
+    if counted.hidden:
+        return _product_test(at, before, after)
+    # one that passes +1 or -1 as well does so first, last, or between two pairs
+    return _modulus_test(at, counted.fewest + 2 * which + counted.change % 2)
 
 
-def critical_multiplier(kind: Kind, multipliers: ComplexArray) -> complex:
-    """Return the multiplier nearest to -1, or the one of a pair nearest to the unit circle."""
+def critical_multiplier(kind: Kind, multipliers: ComplexArray) -> complex | None:
+    """Return the multiplier nearest to -1, or of the two whose product is nearest to one; None if these are real."""
     if kind is Kind.PERIOD_DOUBLING:
         return complex(multipliers[np.argmin(np.abs(multipliers + 1.0))])
-    pairs = multipliers[multipliers.imag > 0.0]
-    return complex(pairs[np.argmin(np.abs(np.abs(pairs) - 1.0))])
+    i, j = np.triu_indices(multipliers.size, 1)
+    nearest = np.argmin(np.abs(1.0 - multipliers[i] * multipliers[j]))
+    value = multipliers[i[nearest]]
+    return None if _is_real(value) else complex(value.real, abs(value.imag))
+
+
+class _Counted(NamedTuple):
+    """What the multipliers at two points say: how many are unstable at both at least, and at one of them more.
+
+    ``doubling``: an odd number went through -1; ``pairs``: so many crossed the unit circle; ``hidden``: one may have.
+    """
+
+    fewest: int
+    change: int
+    doubling: int
+    pairs: int
+    hidden: int
+
+
+def _counted(a: FloquetResult, b: FloquetResult) -> _Counted:
+    margin = max(a.options.tol, b.options.tol)
+    before, after = a.multipliers, b.multipliers
+    counts = [unstable(each, margin) for each in (before, after)]
+    change = abs(counts[0] - counts[1])
+    doubling, through_one = ((_beyond(before, at, margin) - _beyond(after, at, margin)) % 2 for at in (-1.0, 1.0))
+    pairs = max((change - doubling - through_one) // 2, 0)
+    one, other = (samples_at(each, 0.0)[-1] for each in (before, after))
+    changes = one is not None and other is not None and one.sign != other.sign
+    hidden = bool(doubling or through_one) and pairs == 0 and changes
+    return _Counted(min(counts), change, doubling, pairs, int(hidden))
 
 
 def _beyond(multipliers: ComplexArray, bound: float, margin: float) -> int:
     """Return how many real multipliers are > 1 (bound 1) or < -1 (bound -1), by more than a margin."""
-    real = multipliers[np.abs(multipliers.imag) <= 1e-12 * np.abs(multipliers)].real
+    real = multipliers[_is_real(multipliers)].real
     return int(np.count_nonzero(bound * real > 1.0 + margin))
 
 
-def _unstable(multipliers: ComplexArray, margin: float) -> int:
-    return int(np.count_nonzero(np.abs(multipliers) > 1.0 + margin))
-
-
-def _unstable_pairs(multipliers: ComplexArray) -> int:
-    return int(np.count_nonzero((np.abs(multipliers) > 1.0) & (multipliers.imag > 0.0)))
-
-
-def _pair_crosses(before: ComplexArray, after: ComplexArray, margin: float) -> bool:
-    """Return whether a pair that is one at both points, each multiplier going to the nearest, crosses the circle."""
-    rows, columns = linear_sum_assignment(np.abs(np.subtract.outer(before, after)))
-    a, b = before[rows], after[columns]
-    outside = [np.abs(each) > 1.0 + margin for each in (a, b)]
-    return bool(np.any((a.imag > 0.0) & (b.imag > 0.0) & (outside[0] != outside[1])))
+def _is_real(multipliers: ComplexArray) -> BoolArray:
+    return np.asarray(np.abs(multipliers.imag) <= 1e-12 * np.abs(multipliers))
 
 
 def _doubling_test(at: Multipliers) -> Callable[[Point], float]:
@@ -115,11 +128,21 @@ def _doubling_test(at: Multipliers) -> Callable[[Point], float]:
     return test
 
 
-def _pair_test(at: Multipliers, pairs: int) -> Callable[[Point], float]:
+def _modulus_test(at: Multipliers, place: int) -> Callable[[Point], float]:
     def test(point: Point) -> float:
-        """How far the modulus of the pair that crosses is from one."""
-        multipliers = at(point).multipliers
-        moduli = np.sort(np.abs(multipliers[multipliers.imag > 0.0]))[::-1]
-        return float(moduli[pairs] - 1.0) if moduli.size > pairs else -1.0
+        """How far a modulus is from one, by its place from the largest: continuous where multipliers meet as well."""
+        return float(np.sort(np.abs(at(point).multipliers))[::-1][place] - 1.0)
+
+    return test
+
+
+def _product_test(at: Multipliers, before: Point, after: Point) -> Callable[[Point], float]:
+    ends = [samples_at(at(point).multipliers, 0.0)[-1] for point in (before, after)]
+    reference = max(sample.logarithm for sample in ends if sample is not None)
+
+    def test(point: Point) -> float:
+        """Product of 1 - mu_i mu_j over all pairs, relative to that at the ends."""
+        sample = samples_at(at(point).multipliers, 0.0)[-1]
+        return sample.sign * float(np.exp(sample.logarithm - reference)) if sample is not None else 0.0
 
     return test

@@ -26,8 +26,10 @@ from hbnlp.core.layout import (
     texts,
 )
 from hbnlp.core.records import loaded, save_record, values_of
-from hbnlp.core.types import Array
+from hbnlp.core.types import Array, IntArray
+from hbnlp.fourier import n_coefficients, resize
 from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
 from hbnlp.solutions.solution import Solution, attached, make_solution
 
 if TYPE_CHECKING:
@@ -39,7 +41,10 @@ _LAYOUT = Layout(
         "first": Column("points"),
         "second": Column("points"),
         "coefficients": Column("points dof 2H+1"),
+        "n_harmonics": Column("points", int, optional=True),
+        "truncation_error": Column("points", finite=False, optional=True),
         "event_coefficients": Column("events dof 2H+1"),
+        "event_n_harmonics": Column("events", int, optional=True),
     },
     entries={
         "names": pair(text),
@@ -65,6 +70,11 @@ class FoldCurvePoint:
     second: float
     coefficients: Array = field(repr=False)
 
+    @property
+    def n_harmonics(self) -> int:
+        """Number of harmonics of its motion."""
+        return int(self.coefficients.shape[1]) // 2
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FoldBranch:
@@ -76,11 +86,17 @@ class FoldBranch:
         Continuation parameter of the folds, second parameter.
     first, second : array (n_points,)
     coefficients : array (n_points, n_dof, 2H+1)
+        H is the largest number of harmonics, and zeros stand where a fold has fewer.
+    n_harmonics : array (n_points,), int
+        Number of harmonics of each fold: one and the same, unless the problem has a tolerance.
+    truncation_error : array (n_points,) or None
+        Estimated error for want of harmonics, of the place in the plane of the parameters and of the motions, these but
+        for what is along the branch; None without a tolerance.
     events : tuple of FoldCurvePoint
         Cusps (two folds meet), isola births (a detached branch appears as a point) and merges (it joins another
         branch).
     ends : (str, str)
-        Why the curve ends, on either side.
+        Why the curve ends, on either side, and at how many folds there the most harmonics do not do.
     parameters : dict
         Values of the other parameters.
     output_names : tuple of str
@@ -95,6 +111,8 @@ class FoldBranch:
     first: Array
     second: Array
     coefficients: Array
+    n_harmonics: IntArray
+    truncation_error: Array | None
     events: tuple[FoldCurvePoint, ...]
     ends: tuple[str, str]
     parameters: Mapping[str, float]
@@ -108,7 +126,7 @@ class FoldBranch:
     @property
     def complete(self) -> bool:
         """Whether the curve was followed to the ends of the spans, or closed; if not, ``message`` says why."""
-        return all(end in _COMPLETE for end in self.ends)
+        return all(end.partition(";")[0] in _COMPLETE for end in self.ends)
 
     @property
     def message(self) -> str:
@@ -129,14 +147,15 @@ class FoldBranch:
         """
         index = place("index", index, len(self.first))
         problem, motion = attached(self, "load the curve with problem=..."), self._motion(index)
-        return make_solution(problem, motion.coefficients.ravel(), problem.values(motion.parameters))
+        own = problem.carrying(motion.n_harmonics)
+        return make_solution(own, motion.coefficients.ravel(), problem.values(motion.parameters))
 
     def _motion(self, index: int) -> Solution:
         """Return the motion at one fold with the names of its outputs alone."""
         own, other = self.names
-        n_harmonics = (self.coefficients.shape[2] - 1) // 2
+        n_harmonics = int(self.n_harmonics[index])
         return Solution(
-            coefficients=self.coefficients[index],
+            coefficients=self.coefficients[index, :, : n_coefficients(n_harmonics)],
             parameters={**self.parameters, own: float(self.first[index]), other: float(self.second[index])},
             amplitudes=np.full((len(self.output_names), n_harmonics + 1), np.nan + 0j),
             output_names=self.output_names,
@@ -177,23 +196,31 @@ class FoldBranch:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the curve to one ``.npz`` file without pickle, whole or not at all."""
-        coefficients = np.array([event.coefficients for event in self.events]) if self.events else None
+        most = self.coefficients.shape[2] // 2
+        coefficients = np.array([resize(event.coefficients, most) for event in self.events]) if self.events else None
+        numbers = np.array([event.n_harmonics for event in self.events], dtype=int)
         events = [{"kind": e.kind.name, "first": e.first, "second": e.second} for e in self.events]
-        save_record(self, path, _LAYOUT, event_coefficients=coefficients, events=events)
+        columns = {"event_coefficients": coefficients, "event_n_harmonics": numbers}
+        save_record(self, path, _LAYOUT, **columns, events=events)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> FoldBranch:
         """Return the curve from a file that `save` wrote, with its problem if that is given; see `Branch.load`."""
         instance_of("problem", problem, HarmonicBalance | None, "the HarmonicBalance of the record, or None")
         with loaded(path, _LAYOUT) as content:
-            coefficients = content.pop("event_coefficients")
+            content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
+            coefficients, numbers = content.pop("event_coefficients"), content.pop("event_n_harmonics")
+            if content["events"]:
+                numbers = numbers_of_harmonics(numbers, coefficients)
             content["events"] = tuple(
-                FoldCurvePoint(**event, coefficients=coefficients[i]) for i, event in enumerate(content["events"])
+                FoldCurvePoint(**event, coefficients=coefficients[i, :, : n_coefficients(numbers[i])])
+                for i, event in enumerate(content["events"])
             )
             curve = cls(**content, problem=problem)
         if problem is not None:
-            for index in {0, len(curve) - 1} if len(curve) else ():
-                check_belongs(problem, curve._motion(index), what="curve")
+            check_numbers(problem, curve.n_harmonics, what="curve")
+            for motion in (curve._motion(index) for index in ({0, len(curve) - 1} if len(curve) else ())):
+                check_belongs(problem.carrying(motion.n_harmonics), motion, what="curve")
         return curve
 
     def __repr__(self) -> str:

@@ -164,7 +164,11 @@ def left_null_vector(problem: HarmonicBalance, x: Array, values: Array, name: st
 
 
 def fold_sensitivity(problem: HarmonicBalance, x: Array, values: Array, name: str, left: Array) -> dict[str, float]:
-    """Return d lambda / d p_j along the fold for every other parameter, from a left null vector of any length."""
+    """Return d lambda / d p_j along the fold for every other parameter, from a left null vector of any length.
+
+    Of a parameter at the edge of its domain, where the equations have no derivative, it is not finite.
+    """
     names = problem.system.parameters.names
-    slopes = {other: left @ problem.assembly.parameter_derivative(x, values, i) for i, other in enumerate(names)}
-    return {other: float(-slope / slopes[name]) for other, slope in slopes.items() if other != name}
+    with np.errstate(all="ignore"):
+        slopes = {other: left @ problem.assembly.parameter_derivative(x, values, i) for i, other in enumerate(names)}
+        return {other: float(-slope / slopes[name]) for other, slope in slopes.items() if other != name}

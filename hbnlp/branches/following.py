@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.fold_curves import FIRST_SPAN, SECOND_SPAN, FoldBranch, FoldCurvePoint
+from hbnlp.branches.resolution import Resolution, beside_fold
 from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.branches.starting import Start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.curve import null_vector
 from hbnlp.continuation.locating import locate
@@ -26,6 +29,8 @@ from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.renamed import fewer_arguments, renamed_arguments
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
+from hbnlp.fourier import resize
+from hbnlp.solutions.columns import not_met
 from hbnlp.solutions.equations import Equations, along_folds, along_parameter, settled
 from hbnlp.solutions.ipopt import FreeParameters
 from hbnlp.solutions.solution import attached
@@ -49,6 +54,8 @@ def follow(
     callbacks: Callbacks = (),
 ) -> FoldBranch:
     """Follow a fold as a second parameter varies, both ways.
+
+    With a tolerance each fold has as many harmonics as its place in the plane of the two parameters asks for.
 
     Parameters
     ----------
@@ -99,26 +106,34 @@ def follow(
     x = problem.vector(point.solution.coefficients)
     curve, y = _fold_on_its_curve(along_folds(problem, x, values, own, name, spans=spans), point, place)
     options = method or PseudoArclength(angle=5.0, max_points=3000)
+    resolution = Resolution(problem, options, beside_fold) if problem.truncation is not None else None
+    first = start_point(curve, y, curve.unknowns.fixing_last())
+    if resolution is not None:
+        curve, first, *_ = resolution.start(Start(curve, first, first), spans[1])
     others = {k: v for k, v in point.solution.parameters.items() if k not in (own, name)}
-    back, ahead = _Side(points=[y]), _Side(points=[y])
+    beginning = _followed(curve, first, None, resolution)
+    back, ahead = _Side(folds=[beginning]), _Side(folds=[beginning])
 
     def result(ending: Ending) -> FoldBranch:
-        points = [*back.points[:0:-1], *ahead.points]
-        scalars = np.array([curve.unknowns.scalars(point) for point in points])
+        folds = [*back.folds[:0:-1], *ahead.folds]
+        scalars = np.array([fold.curve.unknowns.scalars(fold.y) for fold in folds])
+        numbers = np.array([fold.curve.problem.n_harmonics for fold in folds])
         return FoldBranch(
             names=(own, name),
             first=scalars[:, 0],
             second=scalars[:, 1],
-            coefficients=np.array([curve.coefficients(point) for point in points]),
-            events=(*back.events[::-1], *ahead.events),
-            ends=(back.end or str(ending), ahead.end or str(ending)),
+            coefficients=np.array([resize(fold.curve.coefficients(fold.y), numbers.max()) for fold in folds]),
+            n_harmonics=numbers,
+            truncation_error=_errors(folds) if resolution is not None else None,
+            events=tuple(fold.event for fold in folds if fold.event is not None),
+            ends=(_end(back, ending, problem), _end(ahead, ending, problem)),
             parameters=others,
             output_names=problem.system.output_names,
             periods=problem.periods,
             problem=problem,
         )
 
-    work = _both_ways(back, ahead, curve, spans, options)
+    work = _both_ways(back, ahead, first, spans, options, resolution)
     return drive(f"following a fold in {own} and {name}", work, result, name=name, callbacks=callbacks)
 
 
@@ -150,40 +165,85 @@ def _span_around(
     return low, high
 
 
+class _Followed(NamedTuple):
+    """A fold that was come to, its estimated error, and what happens between it and the one before."""
+
+    curve: Equations
+    y: Array
+    error: float
+    event: FoldCurvePoint | None
+
+
 @dataclass
 class _Side:
     """One way along a fold curve."""
 
-    points: list[Array]
-    events: list[FoldCurvePoint] = field(default_factory=list)
+    folds: list[_Followed]
     end: str = ""
 
 
 def _both_ways(
-    back: _Side, ahead: _Side, curve: Equations, spans: list[tuple[float, float]], options: PseudoArclength
+    back: _Side,
+    ahead: _Side,
+    first: Point,
+    spans: list[tuple[float, float]],
+    options: PseudoArclength,
+    resolution: Resolution | None,
 ) -> Iterator[Report]:
     """Extend the two sides, fold by fold, until each says why it ends; a closed curve has only one."""
-    sides = (back, ahead)
+
+    def judge(curve: Equations, _before: Point, after: Point) -> Equations | None:
+        other = curve.resampled(after.y)
+        return resolution.finer(curve, after) if other is None and resolution is not None else other
+
+    sides, curve = (back, ahead), back.folds[0].curve
     for side, sign in ((ahead, 1.0), (back, -1.0)):
-        start = start_point(curve, side.points[0], sign * curve.unknowns.fixing_last())
-        walk = Walk(curve, start, options, limits=spans[1], judge=lambda at, _before, after: at.resampled(after.y))
+        start = start_point(curve, first.y, sign * curve.unknowns.fixing_last())
+        walk = Walk(curve, start, options, limits=spans[1], judge=judge, alike=_alike)
         for before, after in _while_sampled(side, walk):
+            if walk.n_points == len(side.folds):
+                side.folds.pop()  # the step to it was made again, with more harmonics
             event = _event(walk.curve, before, after, options.newton)
-            side.events += [event] if event is not None else []
-            side.points.append(after.y)
-            if not spans[0][0] < curve.unknowns.scalars(after.y)[0] < spans[0][1]:
+            side.folds.append(_followed(walk.curve, after, event, resolution))
+            if not spans[0][0] < walk.curve.unknowns.scalars(after.y)[0] < spans[0][1]:
                 side.end = FIRST_SPAN
             elif walk.stop is not None:
                 side.end = _words(walk.stop)
-            counts = {"folds": sum(len(s.points) for s in sides) - 1, "events": sum(len(s.events) for s in sides)}
+            events = sum(fold.event is not None for s in sides for fold in s.folds)
+            counts = {"folds": sum(len(s.folds) for s in sides) - 1, "events": events}
             yield Report(after.value, 0.5 * sum(bool(s.end) for s in sides), counts)
             if side.end:
                 break
+            fewer = resolution.coarser(walk.curve, after, walk.on) if resolution is not None else None
+            if fewer is not None and _alike(after, *fewer):
+                walk.go_on(*fewer)
         if walk.stop is not None:
             side.end = side.end or _words(walk.stop)
         if walk.stop is Stop.CLOSED:
             back.end = side.end
             return
+
+
+def _followed(curve: Equations, point: Point, event: FoldCurvePoint | None, resolution: Resolution | None) -> _Followed:
+    """Return a fold as one of the curve."""
+    if resolution is None:
+        return _Followed(curve, point.y, np.nan, event)
+    seen = beside_fold(curve, point)
+    resolution.see(seen.curve, seen.y)
+    return _Followed(curve, point.y, resolution.error(curve, point), event)
+
+
+def _alike(point: Point, _other: Equations, here: Point) -> bool:
+    """Return whether a fold, and the one in its place with other harmonics, are on the same side of all events."""
+    return bool(np.all(np.sign(point.tangent[-2:]) == np.sign(here.tangent[-2:])))
+
+
+def _errors(folds: Sequence[_Followed]) -> Array:
+    return np.array([fold.error for fold in folds])
+
+
+def _end(side: _Side, ending: Ending, problem: HarmonicBalance) -> str:
+    return (side.end or str(ending)) + not_met(_errors(side.folds), problem)
 
 
 def _while_sampled(side: _Side, walk: Walk[Equations]) -> Iterator[tuple[Point, Point]]:

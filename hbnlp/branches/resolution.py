@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.starting import Start
 from hbnlp.continuation.acceptance import accepted
 from hbnlp.continuation.arclength import PseudoArclength
+from hbnlp.continuation.curve import Bordered
 from hbnlp.continuation.point import Point, corrected, finish
 from hbnlp.core.types import Array
 from hbnlp.solutions.accuracy import Accuracy
@@ -31,6 +33,38 @@ LENIENT = 2.5
 Detect = Callable[[Equations, Point, Point], tuple[SpecialPoint, ...]]
 OnOther = Callable[[Equations, Point, Equations], Point | None]
 """(other, point, curve): the point of another curve in the place of one of a curve."""
+View = Callable[[Equations, Point], "Seen"]
+
+
+class Seen(NamedTuple):
+    """How the error of a point is measured: as a solution on a curve without a condition, in the plane normal to a row.
+
+    ``factors`` are those of the curve's derivative with that row, where there are some.
+    """
+
+    curve: Equations
+    y: Array
+    row: Array
+    factors: Bordered | None
+
+
+def along_branch(curve: Equations, point: Point) -> Seen:
+    """Return a solution of a branch in the plane normal to that."""
+    return Seen(curve, point.y, point.tangent / point.scale**2, point.factors)
+
+
+def beside_fold(curve: Equations, point: Point) -> Seen:
+    """Return a fold of a curve of folds as a solution with one free parameter, in the plane normal to its null vector.
+
+    There a change of the residual moves the fold's parameter, not its motion along the branch. It is the one of the two
+    parameters that the curve runs less along: the other's would grow without bound where folds come and go.
+    """
+    first, second = np.abs(point.tangent / point.scale)[-2:]
+    k = 0 if second >= first else 1
+    flat = Equations(curve.problem, curve.values(point.y), curve.unknowns.free[k : k + 1], floor=curve.unknowns.floor)
+    y = flat.unknowns.joined(curve.unknowns.coefficients(point.y), curve.unknowns.scalars(point.y)[k : k + 1])
+    null = flat.unknowns.joined(curve.unknowns.added(point.y), [0.0])
+    return Seen(flat, y, null / flat.scale(y) ** 2, None)
 
 
 class Resolution:
@@ -42,10 +76,12 @@ class Resolution:
         With a tolerance.
     options : PseudoArclength
         Of the continuation.
+    view : callable, optional
+        How the error of a point is measured; by default that of a solution, normal to the branch.
     """
 
-    def __init__(self, problem: HarmonicBalance, options: PseudoArclength) -> None:
-        self._accuracy, self._options = Accuracy(problem), options
+    def __init__(self, problem: HarmonicBalance, options: PseudoArclength, view: View = along_branch) -> None:
+        self._accuracy, self._options, self._view = Accuracy(problem), options, view
         self._policy = self._accuracy.policy
         self._latest: tuple[Point, float] | None = None
         self._wait = 0
@@ -84,14 +120,15 @@ class Resolution:
         self._wait -= 1
         if self._wait > 0:
             return None
-        enough = self._accuracy.enough(curve, point.y)
+        seen = self._view(curve, point)
+        enough = self._accuracy.enough(seen.curve, seen.y)
         if enough >= curve.problem.n_harmonics:
             return None
         fewer = _with(curve, enough)
         there = on(fewer, point, curve)
         if there is not None and fewer.resampled(there.y) is None:
-            row = there.tangent / there.scale**2
-            if self._accuracy.judge(fewer, there.y, row, there.factors).error <= WELL_BELOW * self._policy.tolerance:
+            error = self._accuracy.judge(*self._view(fewer, there)).error
+            if error <= WELL_BELOW * self._policy.tolerance:
                 return fewer, there
         self._wait = PATIENCE
         return None
@@ -140,8 +177,7 @@ class Resolution:
 
     def _judge(self, curve: Equations, point: Point) -> int:
         """Return the number of harmonics that a point should have, and keep its error."""
-        row = point.tangent / point.scale**2
-        judgement = self._accuracy.judge(curve, point.y, row, point.factors)
+        judgement = self._accuracy.judge(*self._view(curve, point))
         self._latest = point, judgement.error
         return judgement.n_harmonics
 

@@ -44,8 +44,8 @@ class SpecialPoint:
     sensitivity : dict
         At a fold: derivative of its value by every other parameter, from the left null vector.
     truncation_error : float or None
-        By how much it moved when it was solved for with more harmonics, relative to its size; None where their number
-        was given.
+        By how much it moved when it was solved for with more harmonics, relative to its size; of a peak the estimated
+        error of its motion, normal to the branch. None where their number was given.
     converged : bool or None
         Whether that is within the tolerance; False where the most harmonics do not do, None where their number was
         given.

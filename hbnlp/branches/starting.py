@@ -15,6 +15,7 @@ from hbnlp.continuation.point import Point, start_point
 from hbnlp.core.types import Array
 from hbnlp.solutions.attaching import check_belongs
 from hbnlp.solutions.cold_start import linear_size
+from hbnlp.solutions.columns import check_numbers
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, guess_for
@@ -81,6 +82,7 @@ def resumed_start(
         If the branch is not of this problem, parameter, or stability.
     """
     _check_resumable(name, at, branch, stability)
+    check_numbers(problem, branch.n_harmonics, what="branch")
     last = branch.solution(len(branch) - 1)
     check_belongs(problem.carrying(last.n_harmonics), last, what="branch", where="the last point of ")
     if len(branch) == 1:
@@ -104,7 +106,7 @@ def _first(
 ) -> tuple[Equations, Array]:
     """Return the curve and its first point, which is solved for unless it is a solution already."""
     parameters = problem.system.parameters
-    parameters.values(at, but=(name,))  # what is wrong with them is said here
+    parameters.values(at, but=parameters.names)  # what is wrong with them is said here
     asked, x = problem, None
     if isinstance(start, Solution):
         problem = problem.carrying(start.n_harmonics * max(problem.periods // start.periods, 1))

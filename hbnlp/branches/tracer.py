@@ -40,6 +40,7 @@ _ENDS = {
     Stop.MAX_POINTS: End.MAX_POINTS,
     Stop.STEP_TOO_SMALL: End.STEP_TOO_SMALL,
     Stop.JUMP: End.JUMP,
+    Stop.UNBOUNDED: End.UNBOUNDED,
 }
 
 
@@ -232,6 +233,8 @@ class Tracer(StaysHere):
         if self._resolution is not None:
             self._resolution.see(curve, point.y)
             error = self._resolution.error(curve, point)
+        if self._records:
+            self._records[-1] = _slim(self._records[-1])
         self._records.append(
             Traced(point=point, curve=curve, floquet=floquet, special_points=special_points, truncation_error=error)
         )
@@ -262,8 +265,7 @@ class Tracer(StaysHere):
         if resume is None:
             return self._resolution.start(begin, self.span)
         for solution in map(resume.solution, range(len(resume))):
-            assert solution.problem is not None
-            curve = begin.curve.on(solution.problem)
+            curve = begin.curve.on(begin.curve.problem.carrying(solution.n_harmonics))
             self._resolution.see(curve, curve.point(solution.coefficients, solution.parameters[self.name]))
         return begin
 
@@ -278,6 +280,11 @@ class Tracer(StaysHere):
         if not ca.depends_on(system.force, system.tau):
             with contextlib.suppress(NonFiniteError):  # a force that is singular at rest has no stability there
                 check_linear_stability(system, system.parameters.as_dict(self._walk.curve.values(point.y)))
+
+
+def _slim(record: Traced) -> Traced:
+    """Return a record without the factors at its point, which take far more memory than all else that is kept."""
+    return dataclasses.replace(record, point=dataclasses.replace(record.point, factors=None))
 
 
 def _problem_and_start(

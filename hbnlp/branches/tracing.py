@@ -110,7 +110,7 @@ def trace(
         return tracer.branch({INTERRUPTED: End.INTERRUPTED, STOPPED: End.STOPPED}.get(ending))
 
     branch = drive(f"tracing {name}", work(), result, name=name, callbacks=callbacks)
-    if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.CORNER, End.MAX_POINTS):
+    if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.UNBOUNDED, End.CORNER, End.MAX_POINTS):
         logger.warning("the trace ended at %s = %.8g: %s", name, branch.parameter[-1], branch.message)
     return branch
 

@@ -66,6 +66,7 @@ class Stop(enum.Enum):
     MAX_POINTS = "reached max_points; give a larger one, PseudoArclength(max_points=...)"
     STEP_TOO_SMALL = "no acceptable step was found: the corrector fails however small the step"
     JUMP = "every step, however small, would jump to another branch or turn back"
+    UNBOUNDED = "the solution grows without bound while the parameter stands still"
 
 
 class StopContinuation(Exception):

@@ -142,13 +142,18 @@ def _null_space(curve: Curve, y: Array, tangent: Array, scale: Array) -> tuple[A
         return None
     right, left = scale.copy(), np.ones(y.size)
     for _ in range(3):
-        right = factors.solve(right / scale)
-        right /= np.linalg.norm(right / scale)
-        left = factors.solve_transposed(left)
-        left /= np.linalg.norm(left)
+        right = scale * _unit(factors.solve(right / scale) / scale)
+        left = _unit(factors.solve_transposed(left))
     right -= tangent * float((tangent / scale**2) @ right)
-    kernel = np.stack([tangent, right / np.linalg.norm(right / scale)], axis=1)
-    return kernel, left[:-1] / np.linalg.norm(left[:-1])
+    kernel, left = np.stack([tangent, scale * _unit(right / scale)], axis=1), _unit(left[:-1])
+    return (kernel, left) if np.isfinite(kernel.sum() + left.sum()) else None
+
+
+def _unit(vector: Array) -> Array:
+    """Return the unit vector of a direction; beside a singular point the squares of its entries may overflow."""
+    with np.errstate(all="ignore"):
+        vector = vector / np.abs(vector).max()
+        return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _extended(curve: Curve, y: Array, kernel: Array, left: Array, scale: Array) -> tuple[Array, Array, Array]:

@@ -44,12 +44,15 @@ def crossing_in(
     Parameters
     ----------
     earlier, here, later : Sample
-        A sample before the step, None where there is none, and those at its ends.
+        A sample before the step, and those at its ends. It may be None, or lie on the step where that is made again.
     look : callable
         The sample at a place in between; None where it cannot be had: the place is then returned as if it were one.
     """
     length, inner = later.place - here.place, [here, later]
-    place = here.place + 0.5 * length if earlier is None else _bottom((earlier, here, later), here, later)
+    if earlier is None or earlier.place >= here.place:
+        place: float | None = here.place + 0.5 * length
+    else:
+        place = _bottom((earlier, here, later), here, later)
     for _ in range(MOST_LOOKS):
         if place is None:
             return None
@@ -73,6 +76,8 @@ def _bottom(
     """Return where the parabola through three samples is lowest in a step; None if that is not low, or outside."""
     reference = max(sample.logarithm for sample in samples)
     x = np.array([sample.place for sample in samples])
+    if x[0] == x[1] or x[1] == x[2]:  # it is looked at there a second time
+        return None
     values = np.array([s.sign * begin.sign * np.exp(s.logarithm - reference) for s in samples])
     slopes = np.diff(values) / np.diff(x)
     curvature = (slopes[1] - slopes[0]) / (x[2] - x[0])

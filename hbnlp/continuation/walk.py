@@ -21,6 +21,10 @@ ON_ARC = 2e-3
 """How far from the cubic through a step, relative to its length, it may lie where no corrector tells."""
 SAME = 1e-6
 """Distance, relative to the solution, at which the corrected point is the first one again."""
+STILL, GROWN = 1e-10, 1e3
+"""A solution that grows by the second while the parameter moves by less than the first has no bound."""
+SOON = 1e-6
+"""Part of its scale from which on a parameter that leaves zero is measured by itself."""
 
 
 class Walk(Generic[C]):
@@ -70,7 +74,7 @@ class Walk(Generic[C]):
         self._stepper = Continuation(curve, start, options)
         self._options, self._limits = options, limits
         self._judge, self._alike = judge, alike
-        self._origin, self._earlier = (curve, origin or start), (curve, start)
+        self._origin, self._earlier, self._still = (curve, origin or start), (curve, start), start
         self.n_points = n_points
         self.stop: Stop | None = Stop.LIMIT if self.leaves(start) else None
 
@@ -132,6 +136,8 @@ class Walk(Generic[C]):
                 self.stop = Stop.CLOSED
             elif self._limits is not None and after.value in self._limits:
                 self.stop = Stop.LIMIT
+            elif self._runs_away(after):
+                self.stop = Stop.UNBOUNDED
             self.n_points += 1
             self._earlier = self.curve, before
             yield before, again or after
@@ -164,6 +170,19 @@ class Walk(Generic[C]):
         self._stepper.go_on(other, here)
         return True
 
+    def _runs_away(self, after: Point) -> bool:
+        """Return whether the solution has grown far while the parameter stood still.
+
+        So it does towards a value at which there is none, and along a vertical branch. Growth is measured by the scale:
+        where a branch begins at rest, small solutions grow while the parameter is stationary, but below its floor. A
+        parameter that leaves zero takes many such solutions along: it moves if it does so relative to itself.
+        """
+        here, there, scale = abs(self._still.value), abs(after.value), float(after.scale[-1])
+        moves = STILL * (scale if there <= here else max(there, SOON * scale))
+        if abs(after.value - self._still.value) > moves:
+            self._still = after
+        return bool(after.scale[0] > GROWN * self._still.scale[0])
+
     def _closing(self, before: Point, after: Point) -> Point | None:
         """Return the first point of the curve again if the step passed it in the same direction."""
         if self.n_points < FEWEST_POINTS:
@@ -186,7 +205,9 @@ class Walk(Generic[C]):
         if again is None or np.linalg.norm((again.y - origin.y) / before.scale) > SAME:
             return None
         length = float(np.linalg.norm((again.y - before.y) / before.scale))
-        return dataclasses.replace(again, arclength=before.arclength + length)
+        # the step went on past the first point: what it crossed there is in the first step as well
+        crossed = after.branch_point if again.orientation != before.orientation else None
+        return dataclasses.replace(again, arclength=before.arclength + length, branch_point=crossed)
 
     def _on_arc(self, origin: Point, before: Point, after: Point) -> bool:
         """Return whether the first point lies on the cubic through a step."""

@@ -88,6 +88,24 @@ class ProgressBar:
             self._bar = None
 
 
+class Saving:
+    """Saves of work that goes on whether they succeed or not; that one failed is logged, once until one succeeds."""
+
+    def __init__(self) -> None:
+        self._failing = False
+
+    def __call__(self, save: Callable[[], None], what: str, task: str) -> None:
+        """Save, whatever comes of it."""
+        try:
+            save()
+        except Exception as error:  # noqa: BLE001 - what was computed is worth more than its file
+            if not self._failing:
+                logger.warning("%s failed, %s goes on and it is tried again: %s", what, task, error)
+            self._failing = True
+        else:
+            self._failing = False
+
+
 class Autosave:
     """Save the result to a file every ``seconds`` and at the end; a save that fails, for whatever reason, ends nothing.
 
@@ -101,20 +119,10 @@ class Autosave:
         self.path = path
         self.seconds = seconds
         self._last = time.monotonic()
-        self._failing = False
+        self._saving = Saving()
 
     def __call__(self, progress: Progress) -> None:
         """Save if it is time."""
         if progress.done or time.monotonic() - self._last >= self.seconds:
-            self._save(progress)
+            self._saving(lambda: progress.result().save(self.path), "autosave", progress.task)
             self._last = time.monotonic()
-
-    def _save(self, progress: Progress) -> None:
-        try:
-            progress.result().save(self.path)
-        except Exception as error:  # noqa: BLE001 - what was computed is worth more than its file
-            if not self._failing:
-                logger.warning("autosave failed, %s goes on and it is tried again: %s", progress.task, error)
-            self._failing = True
-        else:
-            self._failing = False

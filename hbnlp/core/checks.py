@@ -10,7 +10,7 @@ import difflib
 import math
 import operator
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -195,12 +195,31 @@ def text(name: str, value: Any) -> None:
 def file_name(name: str, value: Any) -> None:
     """Raise a TypeError that names ``value`` unless it can be the path of a file."""
     instance_of(name, value, str | os.PathLike, "the path of a file, as text or a pathlib.Path")
+    if "\0" in os.fsdecode(value):
+        raise refused(ValueError, name, value, "a path without the character 0, which no system has in names")
 
 
 def list_of(name: str, value: Any, kinds: Any, advice: str) -> None:
     """Raise a TypeError that names ``value`` unless it is a sequence of what is of one of the ``kinds``."""
     if not isinstance(value, Sequence) or isinstance(value, str) or not all(isinstance(each, kinds) for each in value):
         raise refused(TypeError, name, value, advice)
+
+
+def function_of_time(name: str, law: Any, accepted: str, shapes: Sequence[tuple[int | None, ...]]) -> None:
+    """Raise an error that names ``law`` unless it gives finite numbers in these shapes at time 0.
+
+    One shape is that of what it returns; several are those of what it returns together.
+    """
+    instance_of(name, law, Callable, accepted)
+    try:
+        result = law(0.0)
+    except Exception as error:
+        raise refused(ValueError, name, law, f"{accepted}; at time 0 it raised {error!r}") from error
+    parts = (result,) if len(shapes) == 1 else result
+    if not isinstance(parts, Sequence | np.ndarray) or len(parts) != len(shapes):
+        raise refused(ValueError, f"{name}(0.0)", result, accepted)
+    for part, shape in zip(parts, shapes, strict=True):
+        finite_array(f"{name}(0.0)", part, shape)
 
 
 def list_of_callables(name: str, value: Any) -> None:
@@ -232,7 +251,7 @@ def _entries(value: Any) -> list[float | None]:
 
 def _shown(value: Any) -> str:
     try:
-        words = " ".join(repr(value).split())
+        words = " ".join(repr(value.item() if isinstance(value, np.generic) else value).split())
     except ValueError:  # of an integer with thousands of digits
         words = f"a {type(value).__name__}"
     return words if len(words) <= LONGEST else f"{words[:LONGEST]} ..."

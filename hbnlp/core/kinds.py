@@ -74,6 +74,10 @@ class End(enum.Enum):
     JUMP = (
         "every step, however small, would jump to another branch or turn back; another start on the far side may go on"
     )
+    UNBOUNDED = (
+        "the motion grows without bound while the parameter stands still, as that of a linear system does at resonance "
+        "or at a threshold of parametric excitation; a start on the far side may go on"
+    )
     CORNER = "the force is not smooth on the motion, a step, a corner or nearly as steep: round it over a width"
     MET = "came back to the branch that it crosses"
     INTERRUPTED = "interrupted; resume it"

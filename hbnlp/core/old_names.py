@@ -10,10 +10,14 @@ from hbnlp.core.renamed import renamed_name
 
 _NAMES = {
     "hbnlp": {
+        "ResolvedBranch": "hbnlp.Branch, which has n_harmonics and truncation_error of each point where it was traced "
+        "with HarmonicBalance(system, tolerance=1e-4)",
         "TraceError": "hbnlp.TaskError, whose 'result' was 'branch'",
         "fold_curve": "hbnlp.follow(fold, 'force', span=..., limits=...)",
         "load_branch": "hbnlp.Branch.load(path, problem=...)",
+        "resolve_harmonics": "hbnlp.trace(hbnlp.HarmonicBalance(system, tolerance=1e-4), name, span)",
     },
+    "hbnlp.plot": {"plot_resolved": "branch.plot(output, color='n_harmonics')"},
     "hbnlp.stability": {"monodromy": "hbnlp.floquet(solution).monodromy"},
     "hbnlp.dns": {
         "plot": "hbnlp.plot.animate, plot_vorticity or plot_loads",

@@ -69,6 +69,7 @@ def _instead(unknown: str, value: object, known: Sequence[str]) -> str:
     near = difflib.get_close_matches(unknown, known, n=1)
     if near:
         return f"did you mean {near[0]!r}?"
-    is_value = "at" in known and isinstance(value, numbers.Real)
-    at = f"; values of parameters are given with at={{{unknown!r}: {value!r}}}" if is_value else ""
+    place = next((name for name in ("at", "parameters") if name in known), None)
+    is_value = place is not None and isinstance(value, numbers.Real)
+    at = f"; values of parameters are given with {place}={{{unknown!r}: {value!r}}}" if is_value else ""
     return f"it takes {', '.join(name for name in known if name not in ('self', 'cls'))}{at}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import textwrap
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +25,12 @@ FORMAT = 1
 
 FOREIGN = (".csv", ".txt", ".json", ".mat", ".h5")
 """Endings of other formats, which a NumPy archive is not to have."""
+
+GONE = {
+    "resolved branch": "of an earlier version: trace it anew with HarmonicBalance(system, tolerance=...), "
+    "or read its arrays with numpy.load"
+}
+"""Kinds of files that no record is read from any more, and what to do with them."""
 
 _METADATA = "metadata.json"
 _MEMBER = ".npy"
@@ -108,9 +115,7 @@ def load_arrays(
     file_name("path", path)
     source = Path(path)
     with refused_as_unreadable(source, kind):
-        irregular = kind_of_irregular(source.stat().st_mode)
-        if irregular is not None:
-            raise ValueError(f"that is {irregular}")
+        refuse_irregular(source)
         with source.open("rb") as handle, zipfile.ZipFile(handle) as archive:
             arrays = _read(archive, source.stat().st_size)
         if plain and _METADATA not in arrays:
@@ -121,7 +126,8 @@ def load_arrays(
         found, version = metadata.pop("kind"), metadata.pop("format", 0)
         listed = metadata.pop("arrays", sorted(arrays))
     if found != kind:
-        raise LoadError(f"{str(source)!r} holds a {found}, not a {kind}; load it as what it is")
+        also = f", {GONE[str(found)]}" if str(found) in GONE else f", not a {kind}; load it as what it is"
+        raise LoadError(f"{str(source)!r} holds a {found}{also}")
     if not isinstance(version, int) or version > FORMAT:
         raise LoadError(
             f"{str(source)!r} is of format {version!r}, this version of hbnlp reads formats up to {FORMAT}; "
@@ -130,6 +136,13 @@ def load_arrays(
     if listed != sorted(arrays):
         raise LoadError(f"{str(source)!r} holds the arrays {sorted(arrays)}, but should hold {listed}; it is damaged")
     return arrays, metadata
+
+
+def refuse_irregular(source: Path) -> None:
+    """Raise a ValueError if a name is that of a folder, a device or a pipe, of which reading might never end."""
+    irregular = kind_of_irregular(source.stat().st_mode)
+    if irregular is not None:
+        raise ValueError(f"that is {irregular}")
 
 
 @contextmanager
@@ -187,12 +200,20 @@ def _check_size(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
 
 
 def as_text(metadata: Mapping[str, Any]) -> str:
-    """Return metadata as the JSON that is written."""
-    return json.dumps(metadata, default=_number)
+    """Return metadata as the JSON that is written, or raise the TypeError that names the entry that cannot be."""
+    try:
+        return json.dumps(metadata, default=_number)
+    except (TypeError, ValueError, RecursionError) as error:  # the latter two of what holds itself
+        for name, value in metadata.items():
+            try:
+                json.dumps(value, default=_number)
+            except (TypeError, ValueError, RecursionError):
+                raise TypeError(f"{name} is not what JSON can write: {error}; give numbers, texts and lists") from error
+        raise
 
 
 def _number(value: Any) -> Any:
     """Return a number of NumPy as one that JSON can write."""
     if isinstance(value, np.generic):
         return value.item()
-    raise TypeError(f"{value!r} is nothing that JSON can write")
+    raise TypeError(f"{textwrap.shorten(repr(value), 80)} is neither number, text, list nor mapping")

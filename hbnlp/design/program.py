@@ -17,8 +17,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import finite_array, flag, instance_of, list_of, real_number, refused, unknown_name
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, SamplingError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import StaysHere
@@ -171,8 +172,8 @@ class Program(StaysHere):
             off = float(np.abs(g[: self._n_equations]).max())
             advice = f"at the bound {met}: relax it or those of the variables, or start" if met else "start"
             message = f"IPOPT ended with {stats['return_status']}, an equation off by {off:.2g}; {advice} nearer"
-        elif not all(problem.samples_suffice(x, p) for problem, x, p in points):
-            message = "the force is sampled too coarsely at the optimum; make the problems with larger n_samples"
+        else:
+            message = _of_samples(points) or message
         optimum = Optimum(
             values={
                 name: float(value) for name, value in zip(over.names, over.scale * y[: over.scale.size], strict=True)
@@ -200,3 +201,13 @@ class Program(StaysHere):
                 values = np.abs(at_start[rows.start - self._n_equations : rows.stop - self._n_equations])
                 sizes[rows] = values[np.isfinite(values)].max(initial=0.0) or 1.0
         return sizes
+
+
+def _of_samples(points: Sequence[tuple[HarmonicBalance, Array, Array]]) -> str:
+    """Return what is wrong with the samples of the force on the motions of an optimum; nothing where they suffice."""
+    try:
+        if not all(problem.samples_suffice(x, p) for problem, x, p in points):
+            return "the force is sampled too coarsely at the optimum; make the problems with larger n_samples"
+    except SamplingError as error:
+        return f"at the optimum, {error}"
+    return ""

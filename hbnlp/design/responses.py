@@ -80,11 +80,13 @@ def response_at(
     Raises
     ------
     KeyError, ValueError
-        For a name that is no parameter, or coefficients that do not fit the problem.
+        For a name that is no parameter, or coefficients that do not fit the problem; for a problem with a tolerance, as
+        a program has one number of harmonics.
     """
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     instance_of("variables", variables, Variables, "the Variables(...) of the program")
     instance_of("start", start, Solution, "a Solution")
+    _check_number(problem, start)
     problem.values(at, but=problem.system.parameters.names)
     values, x0 = problem.values({**start.parameters, **(at or {})}), problem.vector(start.coefficients)
     size, terms = sizes_at(problem, x0, values)
@@ -114,13 +116,14 @@ def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, 
     Raises
     ------
     ValueError
-        If ``fold`` is no refined fold, or ``name`` is a variable, too.
+        If ``fold`` is no refined fold, or ``name`` is a variable, too; for a problem with a tolerance.
     KeyError
         For a name that is no parameter.
     """
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     instance_of("variables", variables, Variables, "the Variables(...) of the program")
     instance_of("fold", fold, SpecialPoint, "one fold, such as branch.folds[0]")
+    _check_number(problem, fold.solution)
     problem.system.parameters.index(name)
     if fold.kind is not Kind.FOLD or fold.null is None:
         raise ValueError(f"{fold!r} was given; a refined fold, one of branch.folds, is needed")
@@ -140,6 +143,16 @@ def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, 
         equations=ca.vertcat(*equations),
         start=np.concatenate([x0 / size, null / np.linalg.norm(null), [fold.value / unit]]),
     )
+
+
+def _check_number(problem: HarmonicBalance, start: Solution) -> None:
+    """Raise a ValueError for a problem with a tolerance: in a program nothing but variables and responses varies."""
+    if problem.truncation is not None:
+        periods = f", periods={problem.periods}" if problem.periods > 1 else ""
+        raise ValueError(
+            f"the problem has tolerance = {problem.truncation.tolerance:g}, but a program has one number of harmonics: "
+            f"give HarmonicBalance(system, n_harmonics={start.n_harmonics}{periods}), as many as its start has, or more"
+        )
 
 
 def _parameters(problem: HarmonicBalance, variables: Variables, values: Array, free: Mapping[str, ca.MX]) -> ca.MX:

@@ -8,7 +8,7 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.checks import instance_of, interval, position, text
+from hbnlp.core.checks import instance_of, interval, position, refused, text
 from hbnlp.core.sending import StaysHere
 from hbnlp.systems.parameters import OMEGA, check_period
 
@@ -21,6 +21,8 @@ class Variables(StaysHere):
 
     def __init__(self, bounds: Mapping[str, tuple[float, float]]) -> None:
         instance_of("bounds", bounds, Mapping, "a mapping of names to (lower, upper), such as {'force': (0.1, 0.2)}")
+        if not bounds:
+            raise refused(ValueError, "bounds", bounds, "one parameter at least with (lower, upper)")
         for name, given in bounds.items():
             text("a name of bounds", name)
             low, _ = interval(f"bounds[{name!r}]", given)

@@ -9,7 +9,16 @@ from functools import partial
 
 import numpy as np
 
-from hbnlp.core.checks import finite_array, flag, instance_of, interval, list_of, real_number, refused, whole_number
+from hbnlp.core.checks import (
+    finite_array,
+    flag,
+    function_of_time,
+    interval,
+    list_of,
+    real_number,
+    refused,
+    whole_number,
+)
 from hbnlp.core.types import Array
 
 _MOST_POINTS = 100_000
@@ -58,7 +67,8 @@ class MovingPoints:
     closed: bool = False
 
     def __post_init__(self) -> None:
-        instance_of("motion", self.motion, Callable, "a function of time, motion(t) -> (positions, velocities)")
+        accepted = "a function of time, motion(t) -> (positions, velocities)"
+        function_of_time("motion", self.motion, accepted, ((None, 2), (None, 2)))
         list_of("reach", self.reach, Sequence | np.ndarray, "two pairs, ((x_low, x_high), (y_low, y_high))")
         if len(self.reach) != 2:
             raise refused(ValueError, "reach", self.reach, "two pairs, ((x_low, x_high), (y_low, y_high))")
@@ -86,8 +96,9 @@ class SharpPlate:
     n_modes: int = 10
 
     def __post_init__(self) -> None:
-        instance_of("deflection", self.deflection, Callable | None, "a function of time, t -> (W, W'), or None")
-        whole_number("n_modes", self.n_modes, least=1, most=1000)
+        size = (whole_number("n_modes", self.n_modes, least=1, most=1000),)
+        if self.deflection is not None:
+            function_of_time("deflection", self.deflection, "a function of time, t -> (W, W'), or None", (size, size))
 
     @classmethod
     def oscillating(cls, omega: float, amplitudes: Array) -> SharpPlate:

@@ -13,7 +13,7 @@ Colonius and Taira (2008), doi:10.1016/j.cma.2007.08.014.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -215,7 +215,7 @@ class Simulation:
         # the fields are overwritten in every step
         return {name: value.copy() for name, value in arrays.items()}
 
-    def restore(self, arrays: dict[str, Array]) -> None:
+    def restore(self, arrays: Mapping[str, Array]) -> None:
         """Continue from a state that `state` returned.
 
         With the same dt and body the run continues bit for bit; with another body (say a plate that starts to move from
@@ -226,6 +226,7 @@ class Simulation:
         ValueError
             If the state lacks something or belongs to another grid.
         """
+        instance_of("arrays", arrays, Mapping, "what Simulation.state returned")
         mine = self.state()
         missing = {name for name in mine if not name.startswith("wall_")} - arrays.keys()
         if missing:

@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from hbnlp.core.checks import instance_of, real_number
+from hbnlp.core.checks import function_of_time, real_number
 from hbnlp.core.types import Array
 from hbnlp.dns.grid import Grid
 
@@ -55,12 +55,12 @@ class Motion:
 
     def __post_init__(self) -> None:
         for name, law in (("pitch", self.pitch), ("heave", self.heave)):
-            instance_of(name, law, Callable, "a function of time that returns value, rate and acceleration")
+            function_of_time(name, law, "a function of time that returns value, rate and acceleration", ((3,),))
 
     @classmethod
     def at_incidence(cls, degrees: float) -> Motion:
         """Frame at rest at a fixed incidence."""
-        angle = math.radians(real_number("degrees", degrees))
+        angle = math.radians(real_number("degrees", degrees, above=-180.0, most=180.0))
         return cls(pitch=partial(_held, angle))
 
     @classmethod

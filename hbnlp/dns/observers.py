@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tqdm import tqdm
 
-from hbnlp.core.checks import file_name, instance_of, list_of, list_of_callables, real_number, whole_number
+from hbnlp.core.callbacks import Saving
+from hbnlp.core.checks import instance_of, list_of, list_of_callables, real_number, whole_number
+from hbnlp.core.storage import archive_name
 from hbnlp.core.types import Array
 from hbnlp.dns.flow import Callback, Simulation
 from hbnlp.dns.storage import save_state
@@ -56,19 +58,23 @@ class ProgressBar:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Save the state every so many steps; the last save is always a whole file."""
+    """Save the state every so many steps; a save that fails ends no run, and the last one is always a whole file.
+
+    That it failed is logged as a warning, once until a save succeeds; it is tried again when it is time.
+    """
 
     path: str | os.PathLike[str]
     every: int = 500
+    _saving: Saving = field(default_factory=Saving, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        file_name("path", self.path)
+        archive_name("path", self.path)
         whole_number("every", self.every, least=1)
 
     def __call__(self, simulation: Simulation) -> None:
         """Save if it is time."""
         if simulation.steps % self.every == 0:
-            save_state(simulation, self.path)
+            self._saving(lambda: save_state(simulation, self.path), "a checkpoint", "the run")
 
 
 @dataclass(frozen=True)

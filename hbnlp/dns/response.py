@@ -53,8 +53,12 @@ def harmonics(time: Array, values: Array, omegas: Array) -> Array:
         raise ValueError(f"values has shape {values.shape}; give an array of shape ({time.size}, ...), one row a time")
     if omegas.size == 0 or omegas.min() <= 0.0 or np.unique(omegas).size < omegas.size:
         raise ValueError(f"omegas is {omegas.tolist()}; positive and distinct frequencies are needed")
+    if not np.all(np.diff(time) > 0.0):
+        raise refused(ValueError, "time", time, "rising times")
     period = 2.0 * math.pi / omegas.min()
     step = (time[-1] - time[0]) / max(time.size - 1, 1)
+    if omegas.max() * step >= math.pi:
+        raise refused(ValueError, "omegas", omegas, f"frequencies below {math.pi / step:.4g}: two samples a period")
     if time.size < 2 or time.size * step < period * (1.0 - 1e-6) - step:
         raise ValueError(
             f"the record lasts {time.size * step:.4g}; one period of the lowest frequency, "

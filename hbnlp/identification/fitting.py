@@ -166,6 +166,8 @@ class Identification(StaysHere):
         amplitudes = finite_numbers("measured", measured)
         if amplitudes.size != self._n_points:
             raise refused(ValueError, "measured", measured, f"an amplitude for each of the {self._n_points} points")
+        if amplitudes.min() < 0.0 or not amplitudes.any():
+            raise refused(ValueError, "measured", measured, "amplitudes, which are not negative nor all zero")
         instance_of("start", start, Mapping | Identified, "a mapping of the variables to values, or an earlier fit")
         if noise is not None:
             real_number("noise", noise, above=0.0, advice=", or None to have it estimated")

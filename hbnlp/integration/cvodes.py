@@ -63,7 +63,8 @@ class Adaptive:
                 flag = str(error).partition('returned "')[2].partition('"')[0]
                 reason = (
                     f"CVODES could not go on ({flag or error}); the system diverges, or the tolerances are too tight, "
-                    "or some lag states too fast: try larger rtol and atol, or stiff=True"
+                    "or some lag states too fast: try larger rtol and atol, or stiff=True; or a step of the force "
+                    "holds the motion fast: round it, ca.tanh(d / width) for sign(d)"
                 )
                 return Window(start[None], step, float(integrator.stats().get("tcur", 0.0)), reason)
             states = np.vstack([start, sizes * scaled])

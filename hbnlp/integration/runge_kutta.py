@@ -40,6 +40,10 @@ class RungeKutta4:
     -----
     The error of a signal falls as the fourth power of the step. A mode of eigenvalue ``i s`` is damped by a relative
     ``(h s)^6 / 144`` a step.
+
+    A corner of the force needs no rounding, but lowers the order: 256 steps leave 5e-5 of a contact's first harmonic,
+    1024 some 1e-6; of dry friction 4e-4 and 1e-4. `Adaptive` keeps its tolerances at a kink. Where a step of the force
+    holds the motion fast (sticking), it changes sign at every step of either scheme: round it.
     """
 
     steps_per_period: int | None = None

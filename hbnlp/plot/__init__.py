@@ -1,5 +1,9 @@
 """All of matplotlib: every figure of the package, drawn from results whose types it knows by name only."""
 
+from typing import Any
+
+from hbnlp.core.old_names import old_names
+from hbnlp.core.renamed import renamed_name
 from hbnlp.plot.aero import plot_lift_response, plot_rational_fit
 from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_diagram, plot_fold_curve, plot_sweep
 from hbnlp.plot.flow import animate, plot_loads, plot_vorticity
@@ -19,3 +23,7 @@ __all__ = [
     "plot_sweep",
     "plot_vorticity",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    raise renamed_name(__name__, name, old_names(__name__))

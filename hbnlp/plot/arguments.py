@@ -29,7 +29,7 @@ def check_label(label: Any) -> None:
         text("label", label)
 
 
-def check_color(color: Any) -> None:
+def check_color(color: Any, more: str = "") -> None:
     """Raise a ValueError that names what was given unless matplotlib draws in it; None is its own choice."""
     if color is not None and not is_color_like(color):
-        raise refused(ValueError, "color", color, "a colour of matplotlib, such as 'tab:red'")
+        raise refused(ValueError, "color", color, f"a colour of matplotlib, such as 'tab:red'{more}")

@@ -1,7 +1,8 @@
 """Branches with their stability and special points, sweeps with their jumps, fold curves.
 
 Stable is solid and thick, unstable dashed and thin; where stability was not computed, solid and thin. Each kind of
-special point has one marker and one legend entry.
+special point has one marker and one legend entry. A branch that was traced to a tolerance can show by its colour how
+many harmonics that takes.
 """
 
 from __future__ import annotations
@@ -10,8 +11,11 @@ import itertools
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from hbnlp.core.checks import flag, list_of, whole_number
@@ -29,6 +33,8 @@ if TYPE_CHECKING:
 STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
 UNKNOWN: dict[str, Any] = {"linestyle": "-", "linewidth": 1.2}
 UNSTABLE: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0}
+BY_NUMBER = "n_harmonics"
+"""In the place of a colour: that of the number of harmonics."""
 MARKERS = {
     Kind.FOLD: ("o", "tab:red"),
     Kind.BRANCH_POINT: ("s", "tab:purple"),
@@ -71,8 +77,9 @@ def plot_branch(
         Draw 20 log10 of the amplitude.
     special : bool or collection of Kind
         Whether to mark special points, or which kinds of them.
-    label, color
-        Of the branch.
+    label : str, optional
+    color
+        A colour of matplotlib, or "n_harmonics": by the number of harmonics of each step, with a bar that tells them.
 
     Returns
     -------
@@ -81,7 +88,9 @@ def plot_branch(
     result("branch", branch, "Branch")
     flag("decibels", decibels)
     check_label(label)
-    check_color(color)
+    by_number = isinstance(color, str) and color == BY_NUMBER
+    if not by_number:
+        check_color(color, f", or {BY_NUMBER!r}")
     if not isinstance(special, bool):
         list_of(
             "special",
@@ -91,7 +100,8 @@ def plot_branch(
         )
     level = _level(branch, output, harmonic, per, decibels)
     ax = axes(ax)
-    color = ax.plot([], [], color=color, label=label or "_branch")[0].get_color()
+    color = ax.plot([], [], color="0.5" if by_number else color, label=label or "_branch")[0].get_color()
+    numbers = branch.n_harmonics if by_number else np.zeros(len(branch), dtype=int)
     stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
     solid = STABLE if branch.stable is not None else UNKNOWN
     # the line goes through the located special points, which lie beyond their neighbours at a fold
@@ -99,8 +109,9 @@ def plot_branch(
     after = [p.index + 1 for p in located]
     along = np.insert(branch.parameter, after, [p.value for p in located])
     level = np.insert(level, after, [_level(p.solution, output, harmonic, per, decibels) for p in located])
-    for part, steady in _segments(np.insert(stable, after, stable[after])):
-        ax.plot(along[part], level[part], color=color, **(solid if steady else UNSTABLE))
+    colors = _bar(ax, np.unique(numbers)) if by_number and len(branch) else {0: color}
+    for part, (steady, number) in _segments(*(np.insert(each, after, each[after]) for each in (stable, numbers))):
+        ax.plot(along[part], level[part], color=colors[number], **(solid if steady else UNSTABLE))
     if not stable.all():
         _explain(ax, "stable", color="0.3", **STABLE)
         _explain(ax, "unstable", color="0.3", **UNSTABLE)
@@ -210,11 +221,22 @@ def _level(source: Any, output: str, harmonic: int, per: str | None, in_decibels
         return decibels(size) if in_decibels else np.asarray(size)
 
 
-def _segments(flags: Any) -> Iterator[tuple[slice, bool]]:
-    """Yield runs of equal flags; each run takes the first point of the next, so that the curve has no gap."""
-    edges = [0, *(1 + np.flatnonzero(np.diff(flags.astype(int)))), len(flags)]
+def _segments(*columns: Array) -> Iterator[tuple[slice, tuple[int, ...]]]:
+    """Yield runs of equal rows; each run takes the first point of the next, so that the curve has no gap."""
+    rows = np.column_stack([column.astype(int) for column in columns])
+    edges = [0, *(1 + np.flatnonzero(np.any(np.diff(rows, axis=0), axis=1))), len(rows)]
     for begin, end in itertools.pairwise(edges):
-        yield slice(int(begin), min(int(end) + 1, len(flags))), bool(flags[begin])
+        yield slice(int(begin), min(int(end) + 1, len(rows))), tuple(map(int, rows[begin]))
+
+
+def _bar(ax: Axes, numbers: Array) -> dict[int, Any]:
+    """Return a colour for each of the numbers of harmonics, in order, and draw the bar that tells them."""
+    places = np.arange(len(numbers))
+    scale = ScalarMappable(BoundaryNorm([*(places - 0.5), len(numbers) - 0.5], 256), "viridis_r")
+    bar = plt.colorbar(scale, ax=ax, label="number of harmonics", ticks=places[:: 1 + len(numbers) // 12])
+    bar.minorticks_off()
+    bar.ax.set_yticklabels([f"{number}" for number in numbers[:: 1 + len(numbers) // 12]])
+    return dict(zip(numbers.tolist(), map(tuple, scale.to_rgba(places)), strict=True))
 
 
 def _axis(parameter: str) -> str:

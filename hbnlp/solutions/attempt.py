@@ -25,12 +25,22 @@ ROUGH = "at the motion that is found"
 Method = Newton | Ipopt | Rootfinder
 
 
-def attempt(problem: HarmonicBalance, values: Array, guess: Array, method: Method, *, start: str) -> Solution:
+def attempt(
+    problem: HarmonicBalance,
+    values: Array,
+    guess: Array,
+    method: Method,
+    *,
+    start: str,
+    accuracy: Accuracy | None = None,
+) -> Solution:
     """Return what the method makes of a guess, with enough samples of the force; ``start`` says where it is from.
 
-    Of a problem with a tolerance it has as many harmonics as that asks for, or the most that there may be.
+    Of a problem with a tolerance it has as many harmonics as that asks for, or the most that there may be; ``accuracy``
+    is that of the record that it belongs to, where there is one.
     """
-    accuracy = Accuracy(problem) if problem.truncation is not None else None
+    if accuracy is None and problem.truncation is not None:
+        accuracy = Accuracy(problem)
     problem, correction = _sampled(problem, values, guess, method)
     error: float | None = None
     while accuracy is not None and correction.converged:
@@ -62,11 +72,20 @@ def _sampled(
     correction = iterate(problem, guess, values, method)
     try:
         while correction.converged and not problem.samples_suffice(correction.y, values):
+            problem.check_doubling(correction.y, values)
             problem = problem.oversampled()
             correction = iterate(problem, correction.y, values, method)
     except SamplingError as error:
         correction = dataclasses.replace(correction, converged=False, reason=f"{ROUGH}, {error}")
     return problem, correction
+
+
+def meets_a_corner(failed: Solution) -> bool:
+    """Return whether a motion that an attempt ended at meets a corner of the force, of which no samples are enough."""
+    problem = failed.problem
+    if problem is None or problem.samples_are_settled:
+        return False
+    return problem.corner(failed.coefficients.ravel(), problem.values(failed.parameters)) is not None
 
 
 def iterate(problem: HarmonicBalance, guess: Array, values: Array, method: Method) -> Correction:

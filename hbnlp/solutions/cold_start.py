@@ -1,23 +1,23 @@
-"""A solution from nothing: the linear response, fewer harmonics, the way from rest as the load grows, IPOPT."""
+"""A solution from nothing: the linear response, one harmonic, the way from a linear system, IPOPT."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.continuation.arclength import PseudoArclength
-from hbnlp.continuation.newton import Newton, correct
-from hbnlp.continuation.point import start_point
-from hbnlp.continuation.walk import Walk
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.types import Array
-from hbnlp.solutions.attempt import ROUGH, Method, attempt
-from hbnlp.solutions.equations import along_load
+from hbnlp.solutions.attempt import ROUGH, Method, attempt, meets_a_corner
+from hbnlp.solutions.homotopy import from_linear_system
 from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.solutions.solution import Solution
+
+PATIENCE = 50
+"""Iterations of IPOPT where the force has corners: it converges soon then, to a motion beside them, or not at all."""
 
 
 def linear_guess(problem: HarmonicBalance, values: Array) -> Array:
@@ -50,8 +50,8 @@ def linear_size(problem: HarmonicBalance, values: Array) -> float:
 def cold_start(problem: HarmonicBalance, values: Array, method: Method) -> Solution:
     """Return what the first start that leads to a solution leads to, or else the failure that tells most.
 
-    The starts are the linear response, one harmonic, a growing load, and IPOPT, in this order. Each fails for itself: a
-    motion on which the force is not smooth enough says nothing about other motions.
+    The starts are the linear response, one harmonic, the way from a linear system, and IPOPT, in this order. Each fails
+    for itself: a motion on which the force is not smooth enough says nothing about other motions.
 
     Raises
     ------
@@ -59,35 +59,45 @@ def cold_start(problem: HarmonicBalance, values: Array, method: Method) -> Solut
         If the force or its derivative is not finite at rest, and starts beside it lead nowhere.
     """
     singular: NonFiniteError | None = None
+    told: list[str] = []
     try:
-        starts = _from_linear(problem, values, method, linear_guess(problem, values))
+        starts = _from_linear(problem, values, method, linear_guess(problem, values), told)
     except NonFiniteError as error:
         singular, starts = error, _beside_rest(problem, values, method)
     failed: list[Solution] = []
     for guess, by, start in starts:
-        solution = attempt(problem, values, guess, by, start=start)
+        at_corners = isinstance(by, Ipopt) and by is not method and any(map(meets_a_corner, failed))
+        patient = Ipopt(max_iterations=PATIENCE) if at_corners else by
+        solution = attempt(problem, values, guess, patient, start=start)
         if solution.converged:
             return solution
         failed.append(solution)
     if singular is not None:
         raise singular
     rough = [solution for solution in failed if str(solution.statistics["reason"]).startswith(ROUGH)]
-    return (rough or failed[-1:])[0]
+    best = (rough or failed[-1:])[0]
+    reason = "; ".join([str(best.statistics["reason"]), *told])
+    return dataclasses.replace(best, statistics={**best.statistics, "reason": reason})
 
 
 def _from_linear(
-    problem: HarmonicBalance, values: Array, method: Method, linear: Array
+    problem: HarmonicBalance, values: Array, method: Method, linear: Array, told: list[str]
 ) -> Iterator[tuple[Array, Method, str]]:
-    """Yield guesses, each with the method that begins there and a word for it; dear ones are made when asked for."""
+    """Yield guesses, each with the method that begins there and a word for it; dear ones are made when asked for.
+
+    Why one could not be made is added to what is ``told``.
+    """
     yield linear, method, "linear response"
     if problem.n_harmonics > 1:
         fewer = problem.with_harmonics(1)
         coarse = attempt(fewer, values, fewer.vector(linear.reshape(problem.shape)), method, start="linear response")
         if coarse.converged:
             yield problem.vector(coarse.coefficients), method, "one harmonic"
-    grown = from_rest(problem, values, method if isinstance(method, Newton) else Newton())
-    if grown is not None:
-        yield grown, method, "growing load"
+    way = from_linear_system(problem, values, linear)
+    if way.x is not None:
+        yield way.x, method, "from a linear system"
+    else:
+        told.append(way.reason)
     # at a resonance without damping the linear response says nothing: begin away from rest as well
     load = float(np.max(np.abs(problem.assembly.load_derivative(values))))
     yield linear, Ipopt(), "linear response"
@@ -108,21 +118,3 @@ def _beside_rest(problem: HarmonicBalance, values: Array, method: Method) -> Ite
     for mean[:, 0] in (length * size * sign for size in (1.0, 1e2, 1e-2) for sign in (1.0, -1.0)):
         yield mean.ravel().copy(), method, "a mean beside rest"
     yield near, Ipopt(), "near rest"
-
-
-def from_rest(problem: HarmonicBalance, values: Array, newton: Newton) -> Array | None:
-    """Return the unknowns reached by continuation in the load from rest to its full size, or None."""
-    curve = along_load(problem, values)
-    full = curve.unknowns.fixing_last()
-    rest = correct(curve, np.zeros(full.size), full, newton)
-    if not rest.converged:
-        return None
-    linear = linear_guess(problem, values)
-    curve = along_load(problem, values, floor=1e-3 * float(np.linalg.norm(linear)) or 1.0)
-    # at a linear resonance the curve leaves rest without a slope in the load: either way may be the one that grows
-    for toward in (full, -start_point(curve, rest.y, full).tangent):
-        walk = Walk(curve, start_point(curve, rest.y, toward), PseudoArclength(max_points=2000), limits=(-1.0, 1.0))
-        for _before, after in walk:
-            if after.value == 1.0:
-                return curve.unknowns.coefficients(after.y)
-    return None

@@ -25,7 +25,7 @@ from hbnlp.solutions.cold_start import linear_guess
 from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.motions import Motions
-from hbnlp.solutions.solution import Solution, guess_for
+from hbnlp.solutions.solution import Solution
 from hbnlp.solutions.solution_set import SearchState, SolutionSet, set_with_problem
 from hbnlp.solutions.solving import solve
 
@@ -92,6 +92,9 @@ def find_all(
 
     Solutions are told apart as motions, by `same_motion`: shifts by whole forcing periods and turns of angles by 2 pi
     count once, the means of angles lying in (-pi, pi].
+
+    With a tolerance the search is made with five harmonics of the forcing's frequency, and each solution that it comes
+    to then has as many as it needs.
 
     Parameters
     ----------
@@ -162,7 +165,7 @@ class _Run:
         self._problem, self._values, self._options, self._known = problem, values, options, known
         self._motions = Motions(problem, values, options.newton, options.separation)
         self._late: list[Solution] = []  # of a start that was not over: it is made again
-        self._tried, self._searched, self._place = 0, 0, 0
+        self._tried, self._searched, self._place, self._n_spurious = 0, 0, 0, 0
         self._scale: float | None = None
         if isinstance(known, SolutionSet) and _is_of(known, problem, values):
             self._go_on(set_with_problem(known, problem))
@@ -176,8 +179,10 @@ class _Run:
         state = before.state
         self._known, self._tried, self._scale = (), before.n_tried, state.scale
         self._searched = self._place = state.searched
-        self._motions.found = [before[i] for i in state.order[: state.searched]]
-        self._motions.is_image = [state.images[i] for i in state.order[: state.searched]]
+        for i in state.order[: state.searched]:
+            self._motions.take(before[i], is_image=state.images[i])
+        self._motions.spurious = [np.array(root) for root in state.spurious]
+        self._n_spurious = len(state.spurious)
         self._late = [before[i] for i in state.order[state.searched :]]
 
     def steps(self) -> Iterator[Report]:
@@ -187,35 +192,35 @@ class _Run:
             scale = self._first()
             yield self._done(0, scale)
         for start in range(self._tried + 1, self._options.n_starts + 1):
-            self._run(_random(self._problem, scale, self._options, self._rng), "random start")
+            self._run(_random(self._motions.searched, scale, self._options, self._rng), "random start")
             yield self._done(start, scale)
 
     def _first(self) -> float:
         """Add the known solutions and a cold start, and return the size of the largest."""
         for solution in self._known:
-            self._motions.polish(guess_for(self._problem, solution), "known")
+            self._motions.polish(solution, "known")
         with contextlib.suppress(ConvergenceError, NonFiniteError):
             self._motions.add(solve(self._problem, at=self._problem.system.parameters.as_dict(self._values)))
         return self._motions.largest
 
     def _around(self) -> None:
         """Search around each solution that is new."""
-        problem, motions, options, rng = self._problem, self._motions, self._options, self._rng
+        motions, options, rng = self._motions, self._options, self._rng
         while self._place < len(motions.found):
-            vector = problem.vector(motions.found[self._place].coefficients)
+            vector = motions.roots[self._place]
             if not motions.is_image[self._place]:
-                for crossing in _crossings_of_load(problem, self._values, vector, options):
+                for crossing in _crossings_of_load(motions.searched, self._values, vector, options):
                     motions.polish(crossing, "varied load")
             self._place += 1
-            for _ in range(options.n_deflated * problem.periods):
+            for _ in range(options.n_deflated * motions.searched.periods):
                 nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
                 self._run(vector + nudge / np.sqrt(vector.size), "deflation")
 
     def _run(self, start: Array, how: str) -> None:
         options, motions = self._options, self._motions
-        guess = deflated_newton(self._problem, self._values, start, motions.poles(), options.max_iterations)
-        if guess is not None:
-            motions.polish(guess, how)
+        root = deflated_newton(motions.searched, self._values, start, motions.poles(), options.max_iterations)
+        if root is not None:
+            motions.polish_root(root, how)
 
     def _done(self, start: int, scale: float) -> Report:
         """Search around what is new, keep where the search is then, and say it."""
@@ -225,7 +230,7 @@ class _Run:
         self._late = []
         self._around()
         self._tried, self._searched, self._scale = start, len(self._motions.found), scale
-        self._generator = state_of(self._rng)
+        self._n_spurious, self._generator = len(self._motions.spurious), state_of(self._rng)
         return Report(start, start / max(self._options.n_starts, 1), {"solutions": self._searched})
 
     def result(self, ending: Ending) -> SolutionSet:
@@ -251,6 +256,7 @@ class _Run:
                 searched=self._searched,
                 scale=self._scale,
                 generator=self._generator,
+                spurious=tuple(tuple(root.tolist()) for root in motions.spurious[: self._n_spurious]),
             ),
             problem=problem,
         )
@@ -268,7 +274,8 @@ def _message(ending: Ending, tried: int, n_starts: int) -> str:
 def _is_of(found: SolutionSet, problem: HarmonicBalance, values: Array) -> bool:
     """Return whether a set is of a search with a problem's unknowns at a point: it can be gone on with."""
     return found.parameters == problem.system.parameters.as_dict(values) and all(
-        each.coefficients.shape == problem.shape and each.periods == problem.periods for each in found
+        each.coefficients.shape == problem.carrying(each.n_harmonics).shape and each.periods == problem.periods
+        for each in found
     )
 
 

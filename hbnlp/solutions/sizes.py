@@ -16,7 +16,8 @@ LEAVES = 1e-2
 def size_of_nonlinearity(problem: HarmonicBalance, x: Array, direction: Array, values: Array) -> float:
     """Return the size of a change along a direction by which the balance leaves its linearisation by one per cent.
 
-    Where a branch begins at rest, this is what its first motions can be measured by, in whatever units.
+    Where a branch begins at rest, this is what its first motions can be measured by, in whatever units. A linear system
+    has no such size: of one that is loaded it is that of x, otherwise 1.
     """
     unit = direction / np.linalg.norm(direction)
     here, slope = problem.assembly.residual(x, values), problem.assembly.jacobian(x, values) @ unit
@@ -30,7 +31,9 @@ def size_of_nonlinearity(problem: HarmonicBalance, x: Array, direction: Array, v
 
     small, large = -100.0, 100.0
     if not leaves(large):
-        return float(np.linalg.norm(x)) or 1.0  # a linear system
+        # of a linear system without a load all multiples of a motion are one, and what rest is found as is round-off
+        loaded = np.any(problem.assembly.residual(np.zeros(problem.size), values))
+        return float(np.linalg.norm(x)) if loaded and np.any(x) else 1.0
     while large - small > 0.1:
         middle = 0.5 * (small + large)
         small, large = (small, middle) if leaves(middle) else (middle, large)

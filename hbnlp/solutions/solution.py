@@ -202,14 +202,15 @@ class Solution:
         return solution if problem is None else with_problem(solution, problem)
 
     def __call__(self, expression: ca.MX) -> Array:
-        """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``.
+        """Return the value of a CasADi expression of ``problem.x`` and ``problem.p``, those of the solution's problem.
 
         Raises
         ------
         ValueError
-            If the solution came from a file, without its problem.
+            If the solution came from a file, without its problem, or for an expression of another problem's symbols.
         """
         problem = attached(self)
+        instance_of("expression", expression, ca.MX, "an expression of solution.problem.x and solution.problem.p")
         function = _function(problem, expression)
         return np.asarray(function(self.coefficients.ravel(), problem.values(self.parameters)).full().squeeze())
 
@@ -263,15 +264,24 @@ _LAYOUT = Layout(
 
 def with_problem(solution: Solution, problem: HarmonicBalance, *, what: str = "solution") -> Solution:
     """Return a solution with its problem, which has as many samples as it needs; see `check_belongs`."""
-    own = check_belongs(problem, solution, what=what) if solution.converged else problem
-    origin = solution.origin
-    if origin is not None and origin.coefficients.shape == own.shape and origin.periods == own.periods:
-        origin = replace(origin, problem=own)
+    own, origin = problem.carrying(solution.n_harmonics), solution.origin
+    if solution.converged:
+        own = check_belongs(own, solution, what=what)
+    there = own.carrying(origin.n_harmonics) if origin is not None else own
+    if origin is not None and origin.coefficients.shape == there.shape and origin.periods == there.periods:
+        origin = replace(origin, problem=there)
     return replace(solution, problem=own, origin=origin)
 
 
 @by_one_thread
 def _function(problem: HarmonicBalance, expression: ca.MX) -> ca.Function:
+    own = {hash(symbol) for symbol in (problem.x, problem.p)}
+    for symbol in ca.symvar(expression):
+        if hash(symbol) not in own:
+            raise ValueError(
+                f"the expression has the symbol {symbol} of another problem, with other harmonics or samples: write it "
+                "with solution.problem.x and solution.problem.p"
+            )
     return ca.Function("expression", [problem.x, problem.p], [ca.densify(expression)])
 
 

@@ -27,6 +27,8 @@ from hbnlp.core.layout import (
     whole,
 )
 from hbnlp.core.records import loaded, save_record
+from hbnlp.fourier import n_coefficients, padded, resize
+from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
 from hbnlp.solutions.solution import Solution, with_problem
 
 if TYPE_CHECKING:
@@ -52,6 +54,9 @@ class SearchState:
         Size that the amplitudes of random starts are relative to; None before the first start was over.
     generator : mapping
         Where the generator of random numbers is.
+    spurious : tuple of tuple of float
+        With a tolerance: unknowns of the balance that is searched with at which it is balanced, but which are none of
+        the solutions: it keeps away from them as well.
     """
 
     order: tuple[int, ...]
@@ -59,6 +64,7 @@ class SearchState:
     searched: int
     scale: float | None
     generator: Mapping[str, Any]
+    spurious: tuple[tuple[float, ...], ...] = ()
 
 
 @final
@@ -124,12 +130,15 @@ class SolutionSet(Sequence[Solution]):
             If it cannot be written; an older file is as it was.
         """
         found = self.solutions
+        most = max((s.n_harmonics for s in found), default=0)
         save_record(
             self,
             path,
             _LAYOUT,
-            coefficients=np.array([s.coefficients for s in found]) if found else None,
-            amplitudes=np.array([s.amplitudes for s in found]) if found else None,
+            coefficients=np.array([resize(s.coefficients, most) for s in found]) if found else None,
+            amplitudes=np.array([padded(s.amplitudes, most) for s in found]) if found else None,
+            n_harmonics=np.array([s.n_harmonics for s in found], dtype=int),
+            spurious=np.array(self.state.spurious) if self.state.spurious else None,
             solutions=[
                 {"statistics": dict(s.statistics), "place": place, "image": image}
                 for s, place, image in zip(found, np.argsort(self.state.order), self.state.images, strict=True)
@@ -180,6 +189,7 @@ class SolutionSet(Sequence[Solution]):
 
 def set_with_problem(found: SolutionSet, problem: HarmonicBalance) -> SolutionSet:
     """Return a set with its problem, if that is of all its solutions: see `check_belongs`."""
+    check_numbers(problem, np.array([s.n_harmonics for s in found.solutions]), what="solution set")
     solutions = tuple(with_problem(solution, problem, what="solution set") for solution in found.solutions)
     return replace(found, solutions=solutions, problem=problem)
 
@@ -189,6 +199,8 @@ _LAYOUT = Layout(
     columns={
         "coefficients": Column("solutions dof 2H+1"),
         "amplitudes": Column("solutions outputs H+1", complex),
+        "n_harmonics": Column("solutions", int, optional=True),
+        "spurious": Column("roots size", optional=True),
     },
     entries={
         "parameters": numbers_by_name,
@@ -212,17 +224,19 @@ def _unpacked(content: dict[str, Any]) -> dict[str, Any]:
     """Return the fields of a set from the content of its file, or raise a ValueError if they are at odds."""
     rows, coefficients, amplitudes = (content.pop(name) for name in ("solutions", "coefficients", "amplitudes"))
     searched, scale, generator = (content.pop(name) for name in ("searched", "scale", "generator"))
+    numbers, spurious = content.pop("n_harmonics"), content.pop("spurious")
+    numbers = numbers_of_harmonics(numbers, coefficients) if rows else ()
     places = [row["place"] for row in rows]
     if sorted(places) != [*range(len(rows))] or searched > len(rows):
         raise ValueError(f"its {len(rows)} solutions have the places {places}, and {searched} of them were searched")
     solutions = tuple(
         Solution(
-            coefficients=coefficients[i],
-            amplitudes=amplitudes[i],
+            coefficients=coefficients[i, :, : n_coefficients(own)],
+            amplitudes=amplitudes[i, :, : own + 1],
             statistics=row["statistics"],
             **{name: content[name] for name in ("parameters", "output_names", "periods")},
         )
-        for i, row in enumerate(rows)
+        for i, (row, own) in enumerate(zip(rows, numbers, strict=True))
     )
     state = SearchState(
         order=tuple(np.argsort(places).tolist()),
@@ -230,5 +244,6 @@ def _unpacked(content: dict[str, Any]) -> dict[str, Any]:
         searched=searched,
         scale=scale,
         generator=generator,
+        spurious=() if spurious is None else tuple(tuple(root.tolist()) for root in spurious),
     )
     return {**content, "solutions": solutions, "state": state}

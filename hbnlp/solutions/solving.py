@@ -37,9 +37,9 @@ def solve(
 ) -> Solution:
     """Return a periodic solution at one parameter point.
 
-    Without a start it begins with the linear response and, where the method fails there, from the solution with
-    fewer harmonics, then along the solutions that lead from rest as the load grows to its value (a continuation, so
-    folds on the way do not matter), and last by IPOPT.
+    Without a start it begins with the linear response and, where the method fails there, from the solution with one
+    harmonic, then along the solutions that lead from a damped linear system to this one (a continuation, which arrives
+    wherever motions are bounded by damping, at a cost of about a hundred points), and last by IPOPT.
 
     Parameters
     ----------

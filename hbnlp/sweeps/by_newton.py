@@ -14,8 +14,12 @@ from hbnlp.core.callbacks import Callbacks
 from hbnlp.core.errors import ConvergenceError, NonFiniteError
 from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.core.types import Array
+from hbnlp.fourier import n_coefficients, padded, resize
+from hbnlp.solutions.accuracy import Accuracy, problem_and_guess
 from hbnlp.solutions.attempt import attempt
-from hbnlp.solutions.solution import Solution, guess_for
+from hbnlp.solutions.columns import not_met
+from hbnlp.solutions.equations import Equations, along_load
+from hbnlp.solutions.solution import Solution, attached
 from hbnlp.solutions.solving import solve
 from hbnlp.sweeps.jumps import UNKNOWN, is_suspicious, relative_change
 from hbnlp.sweeps.records import Sweep
@@ -71,9 +75,11 @@ class NewtonMarch:
         self._jumps: list[tuple[int, float, float]] = []
         self._last: Solution | None = None
         self._last_change = UNKNOWN
+        self._accuracy = Accuracy(problem) if problem.truncation is not None else None
         if start is not None:
             begin = start.parameters[name] if isinstance(start, Solution) else marched[0]
-            near = attempt(problem, self._parameters(begin), guess_for(problem, start), method, start="given")
+            own, guess = problem_and_guess(problem, start)
+            near = attempt(own, self._parameters(begin), guess, method, start="given", accuracy=self._accuracy)
             self._last = near if near.converged else None
         self._last_value = self._last.parameters[name] if self._last is not None else marched[0]
 
@@ -105,28 +111,50 @@ class NewtonMarch:
         if last is not None and new is not None:
             change = relative_change(last.coefficients, new.coefficients)
             if fresh or is_suspicious(change, self._last_change):
-                back = self._step(new, value, self._last_value)
+                # to as many harmonics as the old solution has: truncated alike, the same motion is the same solution
+                back = self._step(new, value, self._last_value, n_harmonics=last.n_harmonics)
                 if back is None or relative_change(last.coefficients, back.coefficients) > SAME:
                     self._jumps.append((len(self._rows), float(self._last_value), float(value)))
             self._last_change = change
         self._rows.append(new)
         if new is not None:
             self._last, self._last_value = new, value
+            if self._accuracy is not None:
+                self._accuracy.see(*self._on_curve(new))
 
-    def _step(self, solution: Solution, begin: float, value: float) -> Solution | None:
-        """Go from one value to another, in smaller steps where Newton's method needs them."""
+    def _step(
+        self, solution: Solution, begin: float, value: float, *, n_harmonics: int | None = None
+    ) -> Solution | None:
+        """Go from one value to another, in smaller steps where Newton's method needs them.
+
+        The last one begins with a number of harmonics that is given, the others with those that matter.
+        """
         for halvings in range(_HALVINGS):
             here: Solution | None = solution
             for part in np.linspace(begin, value, 2**halvings + 1)[1:]:
                 assert here is not None
-                guess = self._problem.vector(here.coefficients)
-                trial = attempt(self._problem, self._parameters(part), guess, self._method, start="marching")
+                given = n_harmonics if part == value else None
+                problem = self._problem.carrying(given or self._enough(here))
+                guess, there = problem.vector(here.coefficients), self._parameters(part)
+                trial = attempt(problem, there, guess, self._method, start="marching", accuracy=self._accuracy)
                 here = trial if trial.converged else None
                 if here is None:
                     break
             if here is not None:
                 return here
         return None
+
+    def _enough(self, solution: Solution) -> int:
+        """Return with how many harmonics the solution after this one is begun."""
+        if self._accuracy is None:
+            return solution.n_harmonics
+        return self._accuracy.enough(*self._on_curve(solution))
+
+    @staticmethod
+    def _on_curve(solution: Solution) -> tuple[Equations, Array]:
+        problem = attached(solution)
+        curve = along_load(problem, problem.values(solution.parameters))
+        return curve, curve.point(solution.coefficients, 1.0)
 
     def _parameters(self, value: float) -> Array:
         there = self._values.copy()
@@ -135,16 +163,24 @@ class NewtonMarch:
 
     def _sweep(self, ending: Ending) -> Sweep:
         problem, rows = self._problem, self._rows
-        lost = np.full(problem.shape, np.nan)
-        silent = np.full((len(problem.system.output_names), problem.n_harmonics + 1), np.nan + 0j)
+        numbers = np.array([problem.n_harmonics if s is None else s.n_harmonics for s in rows], dtype=int)
+        errors = np.array([np.nan if s is None else s.statistics.get("truncation_error", np.nan) for s in rows])
+        most, n_outputs = int(max(numbers, default=problem.n_harmonics)), len(problem.system.output_names)
+        coefficients = np.full((len(rows), problem.system.n_dof, n_coefficients(most)), np.nan)
+        amplitudes = np.full((len(rows), n_outputs, most + 1), np.nan + 0j)
+        for i, row in enumerate(rows):
+            if row is not None:
+                coefficients[i], amplitudes[i] = resize(row.coefficients, most), padded(row.amplitudes, most)
         others = problem.system.parameters.as_dict(self._values)
         del others[self._name]
         jumps = [jump for jump in self._jumps if jump[0] < len(rows)]
         return Sweep(
             name=self._name,
             parameter=self._marched[: len(rows)],
-            coefficients=np.array([lost if s is None else s.coefficients for s in rows]).reshape(-1, *lost.shape),
-            amplitudes=np.array([silent if s is None else s.amplitudes for s in rows]).reshape(-1, *silent.shape),
+            coefficients=coefficients,
+            amplitudes=amplitudes,
+            n_harmonics=numbers,
+            truncation_error=errors if problem.truncation is not None else None,
             output_names=problem.system.output_names,
             converged=np.array([s is not None for s in rows], dtype=bool),
             jumps=np.array([jump[0] for jump in jumps], dtype=int),
@@ -152,7 +188,7 @@ class NewtonMarch:
             parameters=others,
             periods=problem.periods,
             complete=len(rows) == self._marched.size,
-            message=self._message(ending),
+            message=self._message(ending) + not_met(errors, problem),
             problem=problem,
         )
 

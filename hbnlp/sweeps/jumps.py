@@ -20,9 +20,14 @@ UNKNOWN = float("inf")
 
 
 def relative_change(before: Array | ComplexArray, after: Array | ComplexArray) -> float:
-    """Return the change of coefficients or amplitudes, relative to the larger of the two."""
-    size = max(float(np.linalg.norm(before)), float(np.linalg.norm(after)), TINY)
-    return float(np.linalg.norm(after - before)) / size
+    """Return the change of coefficients or amplitudes, relative to the larger of the two.
+
+    Zeros stand for the harmonics that only one of them has.
+    """
+    most = max(before.shape[-1], after.shape[-1])
+    one, other = (np.pad(each, [(0, 0), (0, most - each.shape[-1])]) for each in (before, after))
+    size = max(float(np.linalg.norm(one)), float(np.linalg.norm(other)), TINY)
+    return float(np.linalg.norm(other - one)) / size
 
 
 def is_suspicious(change: float, last_change: float) -> bool:

@@ -16,9 +16,11 @@ from hbnlp.core.layout import Column, Entry, Layout, counted_from_one, flag, num
 from hbnlp.core.records import AlongParameter, loaded, save_record
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
+from hbnlp.fourier import n_coefficients
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.settling import integrate
 from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
 from hbnlp.solutions.solution import Solution
 from hbnlp.systems.system import System
 
@@ -39,7 +41,12 @@ class Sweep(AlongParameter):
     name : str
     parameter : array (k,)
     coefficients : array (k, n_dof, 2H+1)
+        H is the largest number of harmonics, and zeros stand where a solution has fewer.
     amplitudes : array (k, n_outputs, H+1), complex
+    n_harmonics : array (k,), int
+        Number of harmonics of each solution: one and the same, unless the problem has a tolerance.
+    truncation_error : array (k,) or None
+        Estimated error for want of harmonics, as the problem's tolerance bounds it; None without a tolerance.
     output_names : tuple of str
     converged : array (k,), bool
         Where it is False the row holds nan.
@@ -60,13 +67,15 @@ class Sweep(AlongParameter):
     -----
     A jump is a change that the way back does not undo: where the solution changes by more than 2 %, or by more than
     0.1 % and five times the change before, or Newton's method needs a new start, the parameter is taken back, and the
-    old solution must come out again.
+    old solution must come out again, with as many harmonics as it had.
     """
 
     name: str
     parameter: Array
     coefficients: Array
     amplitudes: ComplexArray
+    n_harmonics: IntArray
+    truncation_error: Array | None
     output_names: tuple[str, ...]
     converged: BoolArray
     jumps: IntArray
@@ -80,15 +89,19 @@ class Sweep(AlongParameter):
     def solution(self, index: int) -> Solution:
         """Return one value as a Solution."""
         index = place("index", index, len(self))
+        n_harmonics = int(self.n_harmonics[index])
+        statistics: dict[str, float | str] = {"method": "Newton"}
+        if self.truncation_error is not None and self.converged[index]:
+            statistics["truncation_error"] = float(self.truncation_error[index])
         return Solution(
-            coefficients=self.coefficients[index],
+            coefficients=self.coefficients[index, :, : n_coefficients(n_harmonics)],
             parameters={**self.parameters, self.name: float(self.parameter[index])},
-            amplitudes=self.amplitudes[index],
+            amplitudes=self.amplitudes[index, :, : n_harmonics + 1],
             output_names=self.output_names,
             periods=self.periods,
             status=Status.CONVERGED if self.converged[index] else Status.NOT_CONVERGED,
-            statistics={"method": "Newton"},
-            problem=self.problem,
+            statistics=statistics,
+            problem=None if self.problem is None else self.problem.carrying(n_harmonics),
         )
 
     def plot(self, output: str, *, ax: Axes | None = None, harmonic: int = 1, **options: Any) -> Axes:
@@ -120,10 +133,13 @@ class Sweep(AlongParameter):
             "problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, n_harmonics=...) of the record"
         )
         with loaded(path, _SWEEP) as content:
+            content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
             sweep = cls(**content, problem=problem)
         solved = np.flatnonzero(sweep.converged)
         if problem is not None and solved.size:
-            check_belongs(problem, sweep.solution(int(solved[0])), what="sweep")
+            check_numbers(problem, sweep.n_harmonics[solved], what="sweep")
+            first = sweep.solution(int(solved[0]))
+            check_belongs(problem.carrying(first.n_harmonics), first, what="sweep")
         return sweep
 
     def __repr__(self) -> str:
@@ -316,6 +332,8 @@ _SWEEP = Layout(
         "parameter": Column("points"),
         "coefficients": Column("points dof 2H+1", finite=False),  # nan where Newton's method did not converge
         "amplitudes": Column("points outputs H+1", complex, finite=False),
+        "n_harmonics": Column("points", int, optional=True),
+        "truncation_error": Column("points", finite=False, optional=True),
         "converged": Column("points", bool),
         **_JUMPS,
     },

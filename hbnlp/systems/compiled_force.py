@@ -7,6 +7,7 @@ import numpy as np
 
 from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array, BoolArray, IntArray
+from hbnlp.systems.slopes import slope_along
 
 
 class CompiledForce:
@@ -79,10 +80,9 @@ class CompiledForce:
         return ca.cse(ca.vertcat(*nonzeros)) if nonzeros else ca.SX(0, 1)
 
     def _along(self, name: str, expression: ca.SX) -> ca.Function:
-        point = (self._q, self._v, self._p)
-        directions = [ca.SX.sym("d", symbols.numel()) for symbols in point]
-        slope = ca.jtimes(expression, ca.vertcat(*point), ca.vertcat(*directions))
-        return ca.Function(name, [*self._arguments, *directions], [ca.densify(slope)])
+        dq, dv, dp = (ca.SX.sym("d", symbols.numel()) for symbols in (self._q, self._v, self._p))
+        slope = slope_along(expression, self._p, dp, ca.vertcat(self._q, self._v), ca.vertcat(dq, dv))
+        return ca.Function(name, [*self._arguments, dq, dv, dp], [slope])
 
 
 def _places(matrix: ca.SX) -> tuple[IntArray, IntArray]:

@@ -27,6 +27,8 @@ GRID = 2048
 """Phases at which the signs of the switching quantities are compared."""
 TOGETHER = 512
 """Phases that are asked for in one call while a switch is sought."""
+JUMP = 1e-4
+"""Of a quantity, relative to its largest modulus."""
 AIM = 1e-12
 """What a panel may be wrong by, relative to the integral of the modulus; panels are halved until it is not."""
 SHORTEST, MOST_NODES = 1e-15, 200_000
@@ -150,6 +152,29 @@ def find_breaks(switching: Callable[[Array], Array]) -> Breaks:
         new[-1] &= phases.size == 1 or phases[-1] - phases[0] < 2.0 * np.pi - 1e-12
         phases, of = phases[new], of[new]
     return Breaks(phases, of) if phases.size else Breaks(np.zeros(1), np.array([-1]))
+
+
+def find_jumps(quantities: Callable[[Array], Array]) -> tuple[Array, IntArray]:
+    """Return the phases at which quantities jump, ``quantities`` (n,) -> (m, n), and which of them.
+
+    Nothing but their values tells: where one moves most between two phases of the grid is closed in upon, and if it
+    still moves by `JUMP` of its largest modulus, it jumps. Of several jumps between two phases one is found.
+    """
+    grid = np.linspace(0.0, 2.0 * np.pi, GRID + 1) + 2.0 * np.pi / GRID * 0.38197
+    with np.errstate(all="ignore"):
+        sampled = np.nan_to_num(quantities(grid))
+        least = JUMP * np.abs(sampled).max(axis=1, initial=0.0)
+        of, at = np.nonzero(np.abs(np.diff(sampled, axis=1)) > least[:, None])
+        low, high = grid[at], grid[at + 1]
+        while of.size and np.max(high - low) > 1e-12:
+            phases = _between(low, high)
+            steps = np.abs(np.diff(np.nan_to_num(_each(quantities, of, phases)), axis=1))
+            most = np.argmax(steps, axis=1)[:, None]
+            jumps = np.take_along_axis(steps, most, axis=1)[:, 0] > least[of]
+            low = np.take_along_axis(phases, most, axis=1)[:, 0]
+            high = np.take_along_axis(phases, most + 1, axis=1)[:, 0]
+            of, low, high = of[jumps], low[jumps], high[jumps]
+    return 0.5 * (low + high), of
 
 
 def _near_zero(switching: Callable[[Array], Array], grid: Array, sampled: Array) -> tuple[IntArray, Array]:

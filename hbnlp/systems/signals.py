@@ -19,6 +19,7 @@ from hbnlp.fourier import FourierBasis, basis_derivatives, n_coefficients
 from hbnlp.systems.chunks import in_chunks, of_columns
 from hbnlp.systems.parameters import ParameterSet
 from hbnlp.systems.quadrature import Breaks, Resolved, resolve
+from hbnlp.systems.slopes import slope_along
 from hbnlp.systems.spectrum import spectra
 from hbnlp.systems.switch_points import SwitchPoints
 from hbnlp.systems.system import System
@@ -183,8 +184,8 @@ class PeriodicSignals:
     def _along(self) -> ca.Function:
         """(tau, dtau, p, dp) -> the derivative of the signals along (dtau, dp), a chunk at once."""
         ahead, direction = ca.SX.sym("ahead"), ca.SX.sym("direction", self._p.numel())
-        slope = ca.jtimes(self._expression, ca.vertcat(self._tau, self._p), ca.vertcat(ahead, direction))
-        function = ca.Function("signals_along", [self._tau, ahead, self._p, direction], [ca.densify(slope)])
+        slope = slope_along(self._expression, self._p, direction, self._tau, ahead)
+        function = ca.Function("signals_along", [self._tau, ahead, self._p, direction], [slope])
         return of_columns(function, [2, 3])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import casadi as ca
 import numpy as np
@@ -22,18 +22,27 @@ def switches(expression: ca.SX, rate: Callable[[ca.SX], ca.SX] | None = None) ->
     zero, which is found more exactly than where it touches: ``rate`` is that derivative, where it can be had.
     """
     found: list[ca.SX] = []
+    for node in nodes(expression):
+        found += _of_node(node.op(), dependencies(node), rate)
+    return ca.cse(ca.vertcat(*[each for each in found if not each.is_constant()]))
+
+
+def nodes(expression: ca.SX) -> Iterator[ca.SX]:
+    """Yield the operations of an expression, each once."""
     seen: set[int] = set()
     pending = [entry for entry in ca.SX(expression).nonzeros() if not entry.is_constant()]
     while pending:
         node = pending.pop()
         key = node.element_hash()
-        if key in seen or node.is_leaf():
-            continue
-        seen.add(key)
-        arguments = [node.dep(i) for i in range(node.n_dep())]
-        found += _of_node(node.op(), arguments, rate)
-        pending += arguments
-    return ca.cse(ca.vertcat(*[each for each in found if not each.is_constant()]))
+        if key not in seen and not node.is_leaf():
+            seen.add(key)
+            yield node
+            pending += dependencies(node)
+
+
+def dependencies(node: ca.SX) -> list[ca.SX]:
+    """Return what an operation is applied to."""
+    return [node.dep(i) for i in range(node.n_dep())]
 
 
 def _of_node(operation: int, of: list[ca.SX], rate: Callable[[ca.SX], ca.SX] | None) -> list[ca.SX]:

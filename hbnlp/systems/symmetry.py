@@ -121,7 +121,8 @@ def inherent(n_dof: int) -> tuple[Symmetry, ...]:
 
 
 def of_size(symmetry: Symmetry, n_dof: int) -> Symmetry:
-    """Return a symmetry, or raise a ValueError if it is of another number of degrees of freedom."""
+    """Return a symmetry, or raise an error if it is none or of another number of degrees of freedom."""
+    instance_of("symmetry", symmetry, Symmetry, "an hbnlp.Symmetry(matrix)")
     if symmetry.n_dof != n_dof:
         raise ValueError(
             f"the matrix of symmetry {symmetry.name!r} has shape {symmetry.matrix.shape}; for this system give one of "

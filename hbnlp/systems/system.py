@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 from hbnlp.core.checks import finite_array, position, refused, text
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept, built_once, by_one_thread
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
+from hbnlp.systems.called import check_derivatives
 from hbnlp.systems.calling import called
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.definition import Definition
@@ -37,7 +39,7 @@ from hbnlp.systems.invariance import Invariance, angle_positions, list_of_symmet
 from hbnlp.systems.parameters import OMEGA, Namespace, ParameterSet
 from hbnlp.systems.plant import Plant, check_mass
 from hbnlp.systems.symmetry import Symmetry
-from hbnlp.systems.terms import check_functions, check_lags, check_motion
+from hbnlp.systems.terms import check_functions, check_inputs, check_lags, check_motion
 
 
 class System:
@@ -116,6 +118,7 @@ class System:
       outputs: x
     """
 
+    @renamed_arguments()
     @by_one_thread
     def __init__(
         self,
@@ -156,8 +159,11 @@ class System:
 
         m_q = matrix("mass", mass, p, named)
         n = m_q.shape[0]
+        if n == 0:
+            raise refused(ValueError, "mass", mass, "a matrix of one degree of freedom at least")
         d_q, k_q = matrix("damping", damping, p, named, (n, n)), matrix("stiffness", stiffness, p, named, (n, n))
 
+        check_inputs(motion, inputs)
         u = ca.SX(0, 1) if motion is None else column("motion", called("motion", motion, tau=tau, p=named))
         n_u = u.shape[0]
         k_u = matrix("input_stiffness", input_stiffness, p, named, (n, n_u))
@@ -406,4 +412,5 @@ def _check_signals(
     check_symbols("forcing", forcing, [tau, p])
     check_symbols("motion", motion, [tau, p])
     for what, expression in (("nonlinear_force", force), ("forcing", forcing), ("motion", motion)):
+        check_derivatives(what, expression)
         check_periodicity(what, expression, phased)

@@ -22,12 +22,16 @@ def check_functions(force: Any, forcing: Any, motion: Any, outputs: Any) -> None
         instance_of(f"outputs[{name!r}]", output, Callable, "a function of s, such as lambda s: s.q[0]")
 
 
+def check_inputs(motion: Any, inputs: Mapping[str, Any]) -> None:
+    """Raise a ValueError for the matrices of a motion without it."""
+    given = next((name for name, matrix in inputs.items() if matrix is not None), None)
+    if motion is None and given is not None:
+        raise refused(ValueError, "motion", motion, f"the motion that {given} multiplies, or leave {given} out")
+
+
 def check_motion(motion: Any, inputs: Mapping[str, Any], outputs: Any) -> None:
-    """Raise a ValueError for a motion that acts on nothing and is in no output, or its matrices without it."""
-    given = [name for name, matrix in inputs.items() if matrix is not None]
-    if motion is None and given:
-        raise refused(ValueError, "motion", motion, f"the motion that {given[0]} multiplies, or leave {given[0]} out")
-    if motion is not None and not given and outputs is None:
+    """Raise a ValueError for a motion that acts on nothing and is in no output."""
+    if motion is not None and outputs is None and all(matrix is None for matrix in inputs.values()):
         raise refused(ValueError, "motion", motion, f"what it acts through as well, one of {', '.join(inputs)}")
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from hbnlp.aero import AeroROM, RationalFit, Realisation
 from hbnlp.core.checks import instance_of, real_number, refused, unknown_name
+from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
 from hbnlp.systems.expressions import Output
 from hbnlp.systems.system import System
@@ -30,6 +31,7 @@ LEAST = {"mass_ratio": 0.0, "stiffness": 0.0, "prestrain": 0.0}
 """What the membrane's parameters are not less than."""
 
 
+@renamed_arguments()
 def membrane_wing(
     membrane: Membrane,
     rom: AeroROM,

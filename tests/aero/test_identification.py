@@ -1,6 +1,7 @@
 """Identification: known rational functions are found exactly, the rest as well as the theory says."""
 
 import dataclasses
+import os
 import re
 
 import numpy as np
@@ -18,6 +19,7 @@ from hbnlp.aero.identification import (
     vector_fit,
 )
 from hbnlp.aero.identification.modal import lag_states, sort_poles
+from hbnlp.core.errors import LoadError
 
 OMEGA = np.geomspace(0.01, 100.0, 60)
 
@@ -239,7 +241,7 @@ def test_a_table_with_a_missing_entry_is_refused(tmp_path):
     response_of(known_fit()).to_csv(tmp_path / "g.csv")
     lines = (tmp_path / "g.csv").read_text().splitlines()
     (tmp_path / "g.csv").write_text("\n".join(lines[:-1]))
-    with pytest.raises(ValueError, match="exactly once"):
+    with pytest.raises(LoadError, match=r"no row for omega .*, load 2, motion 3; add it"):
         FrequencyResponse.from_csv(tmp_path / "g.csv")
 
 
@@ -259,7 +261,7 @@ def test_a_cell_that_is_no_number_is_named(row, message, tmp_path):
     response_of(known_fit()).to_csv(tmp_path / "g.csv")
     lines = (tmp_path / "g.csv").read_text().splitlines()
     (tmp_path / "g.csv").write_text("\n".join([*lines[:2], row, *lines[3:]]))
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(LoadError, match=message):
         FrequencyResponse.from_csv(tmp_path / "g.csv")
 
 
@@ -267,8 +269,47 @@ def test_a_table_with_an_entry_twice_is_refused(tmp_path):
     response_of(known_fit()).to_csv(tmp_path / "g.csv")
     lines = (tmp_path / "g.csv").read_text().splitlines()
     (tmp_path / "g.csv").write_text("\n".join([*lines, lines[-1]]))
-    with pytest.raises(ValueError, match="exactly once"):
+    with pytest.raises(LoadError, match=rf"line {len(lines) + 1}: the entry stands in line {len(lines)} already"):
         FrequencyResponse.from_csv(tmp_path / "g.csv")
+
+
+TABLES = {
+    "empty": (b"", r"line 1: the header is \(\)"),
+    "an archive": (b"PK\x03\x04\xff\xfe\x00", r"not a readable frequency table .*utf-8"),
+    "a field without an end": (b'omega,load,motion,real,imag\n0,0,0,1,"' + 200_000 * b"1", "field larger than"),
+    "a header alone": (b"omega,load,motion,real,imag\n", "no rows with omega 0; add the static value"),
+    "no static value": (b"omega,load,motion,real,imag\n1,0,0,1,0\n1,0,1,1,0\n", "no rows with omega 0"),
+    "a static value alone": (b"omega,load,motion,real,imag\n0,0,0,1,0\n0,0,1,1,0\n", "with omega 0 and others are"),
+    "too few motions": (b"omega,load,motion,real,imag\n0,0,0,1,0\n1,0,0,1,0\n", "1 loads of 1 motions"),
+    "a complex static value": (
+        b"omega,load,motion,real,imag\n0,0,0,1,0\n0,0,1,1,0.5\n1,0,0,1,0\n1,0,1,1,0\n",
+        r"line 3, column 'imag': 0\.5; the static value is real",
+    ),
+    "a bomb": (b"omega,load,motion,real,imag\n0,1000000000,1000000001,1,0\n1,0,0,1,0\n", "no row for omega 0, load 0"),
+}
+
+
+@pytest.mark.parametrize(("content", "message"), TABLES.values(), ids=TABLES)
+def test_what_is_no_table_is_one_error_that_names_it(content, message, tmp_path):
+    (tmp_path / "g.csv").write_bytes(content)
+    with pytest.raises(LoadError, match=rf"g\.csv.*{message}"):
+        FrequencyResponse.from_csv(tmp_path / "g.csv")
+
+
+def test_a_folder_or_a_pipe_is_no_table(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path, kind in ((tmp_path, "a folder"), (tmp_path / "pipe.csv", "a pipe")):
+        with pytest.raises(LoadError, match=f"that is {kind}"):
+            FrequencyResponse.from_csv(path)
+    with pytest.raises(FileNotFoundError):
+        FrequencyResponse.from_csv(tmp_path / "none.csv")
+
+
+def test_a_table_of_a_spreadsheet_is_read(tmp_path):
+    response = response_of(known_fit())
+    response.to_csv(tmp_path / "g.csv")
+    (tmp_path / "g.csv").write_bytes(b"\xef\xbb\xbf" + (tmp_path / "g.csv").read_bytes() + b"\r\n\r\n")
+    assert np.array_equal(FrequencyResponse.from_csv(tmp_path / "g.csv").values, response.values)
 
 
 def test_bad_responses_are_refused():

@@ -1,5 +1,6 @@
 """Linear response by finite elements: what coarse meshes can show (the fine campaign: test_flat_plate)."""
 
+import functools
 import json
 from unittest.mock import Mock
 
@@ -23,7 +24,7 @@ from hbnlp.aero.linear_flow.__main__ import main
 from hbnlp.aero.linear_flow.arnoldi import arnoldi
 from hbnlp.aero.linear_flow.campaign import SHEDDING
 from hbnlp.aero.linear_flow.direct import factorise
-from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.errors import ConvergenceError, LoadError
 
 TINY = MeshSettings(domain=30.0, plate=0.25, wake=2.0, growth=0.7, edge=1e-2)
 COARSE = MeshSettings(domain=60.0, plate=0.15, wake=1.0, growth=0.7, edge=1e-4)
@@ -169,6 +170,41 @@ def test_a_campaign_is_resumed_without_computing_again(tmp_path, monkeypatch):
         run_campaign(path, case=Case(n_modes=2, order=2, mesh=TINY), omega=[0.5])
 
 
+DAMAGED = {
+    "cut off": lambda content: content[: len(content) // 2],
+    "empty": lambda content: b"",
+    "flipped": lambda content: bytes([*content[:-99], content[-99] ^ 0xFF, *content[-98:]]),
+}
+
+
+@pytest.mark.usefixtures("one_look_for_shedding")
+def test_what_is_damaged_of_a_campaign_is_computed_again_and_nothing_else(tmp_path, caplog, monkeypatch):
+    path, case, omega = tmp_path / "g.npz", Case(n_modes=1, order=2, mesh=TINY), [0.5, 2.0, 8.0]
+    monkeypatch.setattr(Case, "response", functools.cache(Case.response))
+    done = run_campaign(path, case=case, omega=omega)
+    folder = tmp_path / "g.npz.parts" / "main"
+    kept = {file.name: file.read_bytes() for file in folder.iterdir()}
+    names = {w: f"omega_{w:.9e}.npz" for w in (0.0, *omega)}
+    damages = {"another's": lambda content: kept[names[0.0]]} | DAMAGED
+    for damage, (w, file) in zip(damages.values(), reversed(names.items()), strict=True):
+        asked = []
+        (folder / file).write_bytes(damage(kept[file]))
+        caplog.clear()
+        again = run_campaign(path, case=case, omega=omega, progress=lambda ws, asked=asked: asked.extend(ws) or ws)
+        assert np.array_equal(again.values, done.values)
+        assert asked == [w]
+        (said,) = [record.message for record in caplog.records if record.levelname == "WARNING"]
+        assert "is computed again" in said
+        assert file in said
+    for damage in DAMAGED.values():
+        (folder / "facts.json").write_bytes(damage(kept["facts.json"]))
+        assert run_campaign(path, case=case, omega=omega, progress=iter).provenance == done.provenance
+    for lost in (lambda file: file.write_text("{"), lambda file: file.unlink()):
+        lost(folder / "case.json")
+        with pytest.raises(LoadError, match=r"case.json' is damaged or missing.*put it back.* or remove the folder"):
+            run_campaign(path, case=case, omega=omega)
+
+
 def test_the_flow_past_the_plate_is_stable_at_zero_incidence(half):
     for near in SHEDDING[::2]:
         assert np.all(half.eigenvalues(near).real < 0.0)
@@ -237,7 +273,8 @@ def test_a_command_with_bad_values_ends_with_the_reason_alone(tmp_path, caplog, 
     ("call", "message"),
     [
         (lambda: MeshSettings(edge=1.0), "out of order"),
-        (lambda: MeshSettings(wake=0.0), "positive"),
+        (lambda: MeshSettings(wake=0.0), "wake is 0.0; give a finite number greater than 0"),
+        (lambda: slit_mesh(TINY, incidence=9.0), "incidence is 9.0; give .* in radians"),
         (lambda: Case(reynolds=0.0), "greater than 0"),
         (lambda: Case(incidence=5.0), "in radians"),
         (lambda: Case(n_modes=-1), "n_modes is -1"),
@@ -251,10 +288,30 @@ def test_a_command_with_bad_values_ends_with_the_reason_alone(tmp_path, caplog, 
         (lambda: steady_flow(half_mesh(COARSE), reynolds=100.0, incidence=0.1), "slit_mesh"),
         (lambda: run_campaign("g.npz", case=Case(), omega=[-1.0]), "above zero"),
         (lambda: run_campaign("g.npz", case=Case(), omega=[1.0], probes=[2.0]), "not among"),
+        (lambda: run_campaign("g.npz", case=Case(), omega=[1.0, np.nan]), r"omega\[1\] is nan"),
+        (lambda: run_campaign("g.npz", case=Case(), omega=[1.0], probes=["a"]), "probes is"),
+        (lambda: run_campaign("g.csv", case=Case(), omega=[1.0]), r"name that ends in \.npz"),
     ],
 )
 def test_bad_input_is_refused(call, message):
     with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: MeshSettings(plate="a"), "plate is 'a'"),
+        (lambda: Case(mesh=3), "mesh is 3; give MeshSettings"),
+        (lambda: half_mesh(3), "settings is 3; give MeshSettings"),
+        (lambda: steady_flow(3, reynolds=100.0), "mesh is 3; give the mesh of half_mesh"),
+        (lambda: LinearResponse(3, n_modes=1), "flow is 3; give the BaseFlow"),
+        (lambda: run_campaign("g.npz", case=3, omega=[1.0]), "case is 3; give a Case"),
+        (lambda: run_campaign("g.npz", case=Case(), omega=[1.0], progress=3), "progress is 3; give a function"),
+    ],
+)
+def test_wrong_kinds_are_refused(call, message):
+    with pytest.raises(TypeError, match=message):
         call()
 
 

@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.errors import ConvergenceError, CornerError
+from hbnlp.solutions.cold_start import PATIENCE
 from hbnlp.solutions.solving import solve
 from hbnlp.systems.system import System
 
@@ -73,6 +74,49 @@ def test_the_degree_of_freedom_is_named():
     np.testing.assert_allclose(np.sort(found.phases), [np.pi / 4, 5 * np.pi / 4], atol=1e-9)
 
 
+GRID = np.linspace(-6.0, 6.0, 25)
+TABLE = 0.1 * GRID**3
+
+
+def test_a_linear_table_has_a_corner_at_each_of_its_points():
+    table = ca.interpolant("spring", "linear", [GRID], TABLE)
+    found = corner(lambda q, v, tau, p: [p.mu * q[0] + table(2.0 * q[0])], [0.0, 2.0, 0.0])
+    assert (found.entry, found.jump, found.by_phase) == (0, 0.0, False)
+    met = [point for point in GRID if 0.0 < abs(point) < 4.0] * 2  # at 0 both sides rise alike
+    np.testing.assert_allclose(np.sort(4.0 * np.cos(found.phases)), np.sort(met), atol=1e-9)
+    assert "that of spring((2.*q[0])), a ca.interpolant that is 'linear'" in str(found)
+    assert "make it a 'bspline'" in str(found)
+
+
+def test_a_linear_table_of_two_quantities_has_corners_where_either_passes_a_point():
+    table = ca.interpolant("force", "linear", [GRID, GRID], np.add.outer(TABLE, GRID**2).T.ravel())
+    found = corner(lambda q, v, tau, p: [0.0, table(ca.vertcat(q[0], q[1]))], [[0.0, 0.4, 0.0], [0.0, 0.0, 0.7]], n=2)
+    # the first stays beside 0, where its cube's table has no corner; the second passes 0 and .5
+    np.testing.assert_allclose(np.sort(np.abs(0.7 * np.sin(found.phases))), [0.0] * 2 + [0.5] * 4, atol=1e-9)
+    assert "force(q[0], q[1])" in str(found)
+
+
+def test_a_spline_of_low_degree_has_corners_and_a_cubic_one_has_none():
+    def of_degree(degree):
+        table = ca.interpolant("spring", "bspline", [GRID], TABLE, {"degree": [degree]})
+        return corner(lambda q, v, tau, p: [table(q[0])], [0.0, 2.0, 0.0])
+
+    assert "or take degree 3" in str(of_degree(1))
+    assert of_degree(3) is None
+
+
+def test_a_table_in_a_balance_is_told_by_its_name():
+    def balance(kind):
+        table = ca.interpolant("spring", kind, [GRID], TABLE)
+        return HarmonicBalance(oscillator(lambda q, v, tau, p: [table(q[0])]), 5)
+
+    with pytest.raises(ConvergenceError, match=r"that of spring\(q\[0\]\), a ca.interpolant that is 'linear'"):
+        solve(balance("linear"), at={"omega": 0.7})
+    smooth = solve(balance("bspline"), at={"omega": 0.7})
+    cubic = solve(HarmonicBalance(oscillator(lambda q, v, tau, p: [0.1 * q[0] ** 3]), 5), at={"omega": 0.7})
+    np.testing.assert_allclose(smooth.coefficients, cubic.coefficients, atol=1e-9)
+
+
 WITHOUT = {
     "a sine": lambda q, v, tau, p: [ca.sin(q[0])],
     "a square of a modulus": lambda q, v, tau, p: [ca.fabs(v[0]) * v[0]],
@@ -98,6 +142,30 @@ def test_a_corner_is_the_reason_why_no_number_of_samples_is_enough():
         problem = problem.oversampled()
     with pytest.raises(CornerError, match=message):
         problem.samples_suffice(known.coefficients.ravel(), problem.values({"omega": 0.7}))
+
+
+EVERYWHERE = {
+    "a gap": AT_THE_GAP["fmax"],
+    "a stiff gap": lambda q, v, tau, p: [100.0 * ca.fmax(q[0] - p.gap, 0.0)],
+    "a modulus": lambda q, v, tau, p: [0.5 * ca.fabs(q[0])],
+    "friction": lambda q, v, tau, p: [p.mu * ca.sign(v[0])],
+    "a preload": lambda q, v, tau, p: [2.0 * ca.sign(q[0]) + q[0]],
+    "steps": lambda q, v, tau, p: [0.2 * ca.floor(30.0 * q[0])],
+}
+
+
+@pytest.mark.parametrize("force", EVERYWHERE.values(), ids=EVERYWHERE)
+def test_a_cold_start_at_a_corner_ends_before_samples_are_doubled(force):
+    problem = HarmonicBalance(oscillator(force), 5)
+    with pytest.raises(ConvergenceError, match=r"nonlinear_force\[0\] has a (corner|step)") as error:
+        solve(problem, at={"omega": 1.3})
+    assert error.value.result.problem.n_samples == problem.n_samples
+    assert error.value.result.statistics["iterations"] <= PATIENCE
+
+
+def test_a_corner_that_the_samples_can_bear_is_no_reason_to_end():
+    solution = solve(HarmonicBalance(oscillator(lambda q, v, tau, p: [1e-3 * ca.fabs(q[0])]), 5), at={"omega": 1.3})
+    assert solution.problem.n_samples > 41
 
 
 def test_a_failure_beside_a_step_says_so():

@@ -465,9 +465,43 @@ def test_the_program_can_be_given_an_objective_and_a_free_parameter():
 @pytest.mark.parametrize("name", ["n_harmonics", "periods"])
 @pytest.mark.parametrize("value", [0, -1, 2.5, "3", None])
 def test_numbers_of_harmonics_and_periods_are_whole_and_positive(name, value):
+    if (name, value) == ("n_harmonics", None):  # which means that there is a tolerance
+        with pytest.raises(TypeError, match=r"neither is given; give n_harmonics=7.* or tolerance=1e-4"):
+            HarmonicBalance(duffing())
+        return
     options = {"n_harmonics": 3, "periods": 1, name: value}
     with pytest.raises(ValueError, match=f"{name} is {value!r}; give an integer from 1"):
         HarmonicBalance(duffing(), **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"n_harmonics": 3, "tolerance": 1e-4}, TypeError, "n_harmonics is 3, tolerance 0.0001; give n_harmonics=7"),
+        ({"n_harmonics": 3, "most_harmonics": 9}, TypeError, "most_harmonics is 9, which goes with a tolerance"),
+        ({"n_harmonics": 3, "outputs": ["x"]}, TypeError, "outputs is .*, which goes with a tolerance"),
+        (
+            {"tolerance": 1e-13},
+            ValueError,
+            "tolerance is 1e-13; give a finite number of at least 1e-09",
+        ),
+        ({"tolerance": 0.5}, ValueError, "tolerance is 0.5; give .* and of at most 0.1"),
+        ({"tolerance": 1e-4, "outputs": "x"}, TypeError, r"outputs is 'x'; give a list of names, \['x'\]"),
+        ({"tolerance": 1e-4, "outputs": ["y"]}, KeyError, "unknown output 'y'"),
+        ({"tolerance": 1e-4, "most_harmonics": 0}, ValueError, "most_harmonics is 0; give an integer from 1"),
+        ({"tolerance": 1e-4, "most_harmonics": 2, "periods": 3}, ValueError, "most_harmonics is 2; .* from 3"),
+    ],
+)
+def test_a_tolerance_that_is_none_is_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        HarmonicBalance(duffing(), **options)
+
+
+def test_a_cap_below_the_harmonics_of_the_excitation_is_refused():
+    system = System(1.0, 0.1, 1.0, forcing=lambda tau, p: [ca.cos(5 * tau)], parameters={"omega": 1.0})
+    with pytest.raises(ValueError, match=r"most_harmonics is 4; give an integer from 5 .*those of the excitation"):
+        HarmonicBalance(system, tolerance=1e-4, most_harmonics=4)
+    assert HarmonicBalance(system, tolerance=1e-4).n_harmonics == 5
 
 
 @pytest.mark.parametrize("n_samples", [0, 6, 20.5, "many"])

@@ -426,6 +426,11 @@ STEPS = {
         [-0.9, *PAIR_OUT],
         (Kind.PERIOD_DOUBLING, Kind.NEIMARK_SACKER),
     ),
+    "a pair comes in, becomes real, and one goes out": (
+        [-0.98 + 0.23j, -0.98 - 0.23j],
+        [-1.08, -0.81],
+        (Kind.PERIOD_DOUBLING, Kind.NEIMARK_SACKER),
+    ),
     "a pair goes out while one comes in through +1": ([1.1, *PAIR_IN], [0.9, *PAIR_OUT], (Kind.NEIMARK_SACKER,)),
     "a pair and one through +1 go out": ([0.9, *PAIR_IN], [1.1, *PAIR_OUT], (Kind.NEIMARK_SACKER,)),
 }

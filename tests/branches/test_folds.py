@@ -1,5 +1,6 @@
 """Folds two ways, by Newton's method and as a nonlinear program, and their derivatives by every parameter."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
 from hbnlp.solutions.ipopt import Ipopt
 from hbnlp.systems import chain, duffing, tuned_absorber
+from hbnlp.systems.system import System
 from hbnlp.testing import check_branch
 from hbnlp.wing.coupling import membrane_wing
 from hbnlp.wing.membrane import QuasiLinearMembrane
@@ -163,3 +165,23 @@ def test_a_start_without_a_fold_near_says_so():
     ):
         assert not found.converged
         assert found.reason
+
+
+@pytest.mark.parametrize("place", ["damping", "force", "forcing"])
+def test_a_parameter_at_the_edge_of_its_domain_leaves_the_others_their_derivatives(place):
+    """That of sqrt(extra) at zero is infinite; those of the folds by the force are the Duffing oscillator's."""
+    there = dict.fromkeys(["damping", "force", "forcing"], 0.0) | {place: 1.0}
+    system = System(
+        1.0,
+        lambda p: 0.05 + there["damping"] * ca.sqrt(p.extra),
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: 0.1 * q**3 + there["force"] * ca.sqrt(p.extra) * v,
+        forcing=lambda tau, p: (p.force + there["forcing"] * ca.sqrt(p.extra)) * ca.cos(tau),
+        parameters={"force": 0.18, "extra": 0.0},
+    )
+    folds = trace(HarmonicBalance(system, 5), "omega", (0.5, 1.6)).folds
+    right = trace(HarmonicBalance(duffing(), 5), "omega", (0.5, 1.6)).folds
+    assert [f.value for f in folds] == pytest.approx([f.value for f in right], rel=1e-9)
+    given = [f.sensitivity["force"] for f in folds]
+    assert given == pytest.approx([f.sensitivity["force"] for f in right], rel=1e-6)
+    assert not any(np.isfinite(f.sensitivity["extra"]) for f in folds)

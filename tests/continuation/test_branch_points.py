@@ -92,3 +92,47 @@ def test_both_mirror_images_of_an_asymmetric_branch_close_where_it_began():
         first, second = (hbnlp.trace(s, "omega", (0.3, 4.0), stability=None) for s in starts)
         assert first.end is second.end is hbnlp.End.CLOSED
         assert [f.value for f in first.folds] == pytest.approx([f.value for f in second.folds], rel=1e-9)
+
+
+class InUnits(Pitchfork):
+    """The pitchfork, its equations multiplied by a number whose square is none."""
+
+    def __init__(self, unit):
+        super().__init__()
+        self.unit = unit
+
+    def residual(self, y):
+        return super().residual(y) * self.unit
+
+    def jacobian(self, y, out):
+        super().jacobian(y, out)
+        out *= self.unit
+
+    def term_size(self, _):
+        return self.unit
+
+
+def test_a_crossing_is_found_where_squares_of_the_solutions_overflow():
+    arc, determinants = arc_and_determinants(Pitchfork(), 0.8, 1.1)
+    found = branch_point_on(InUnits(1e-120), arc, determinants, tol=1e-12, max_iterations=10)
+    assert found.y == pytest.approx([0.0, 1.0, 1.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1e-308, 1e300])
+def test_what_is_not_finite_gives_no_branch_point_and_no_warning(unit):
+    arc, determinants = arc_and_determinants(Pitchfork(), 0.8, 1.1)
+    assert branch_point_on(InUnits(unit), arc, determinants, tol=1e-12, max_iterations=10) is None
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("beside", [0, 1])
+def test_a_loop_has_both_its_branch_points_though_one_lies_in_the_step_that_closes_it(beside, direction):
+    """The broken symmetry of a Duffing oscillator: begun just past one of the two, the loop closes across it."""
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(damping_ratio=0.05, cubic=1.0, force=2.0), n_harmonics=9)
+    symmetric = hbnlp.trace(problem, "omega", (0.6, 1.2), stability=None)
+    assert [point.value for point in symmetric.branch_points] == pytest.approx([0.806144, 0.924215], abs=1e-6)
+    start = hbnlp.switch_branch(symmetric.branch_points[beside])[0]
+    loop = hbnlp.trace(problem, "omega", (0.6, 1.2), start=start, direction=direction, stability=None)
+    assert loop.end is hbnlp.End.CLOSED
+    assert sorted(point.value for point in loop.branch_points) == pytest.approx([0.806144, 0.924215], abs=1e-6)
+    assert loop.folds == ()

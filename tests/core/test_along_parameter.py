@@ -14,9 +14,10 @@ def branch():
 
 def records(branch):
     problem = branch.problem
+    tolerant = hbnlp.HarmonicBalance(problem.system, tolerance=1e-2)
     return [
         branch,
-        hbnlp.resolve_harmonics(branch, 1e-2),
+        hbnlp.trace(tolerant, "omega", (0.9, 1.4), at={"force": 0.2}, stability=None),
         hbnlp.sweep(problem, "omega", [0.7, 0.8], at={"force": 0.2}),
         hbnlp.sweep(problem.system, "omega", [0.7], at={"force": 0.2}, max_periods=50),
     ]

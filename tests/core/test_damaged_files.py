@@ -46,8 +46,8 @@ class State:
 LOADERS = {
     "branch": hbnlp.Branch.load,
     "branch_points": hbnlp.Branch.load,
+    "branch_to_a_tolerance": hbnlp.Branch.load,
     "fold_curve": hbnlp.FoldBranch.load,
-    "resolved_branch": hbnlp.ResolvedBranch.load,
     "sweep": hbnlp.Sweep.load,
     "time_sweep": hbnlp.TimeSweep.load,
     "rom": AeroROM.load,
@@ -165,7 +165,7 @@ def test_a_column_that_is_missing_misshapen_of_another_kind_or_not_finite_is_ref
 LOOSE = {
     "branch": ("multipliers", "stability_error", "special_null"),
     "branch_points": ("special_null", "special_breaks"),
-    "resolved_branch": ("truncation_error", "coefficients", "amplitudes"),
+    "branch_to_a_tolerance": ("truncation_error", "special_null"),
     "time_response": ("defects",),
     "sweep": ("coefficients", "amplitudes", "jump_brackets"),
     "time_sweep": ("defects", "jump_brackets"),
@@ -191,6 +191,12 @@ def test_plain_values_that_are_missing_or_of_another_kind_are_refused(kind, tmp_
                 load(rewritten(tmp_path / "bad.npz", arrays, others | {name: wrong}))
             except LoadError as error:
                 assert "bad.npz" in str(error)  # noqa: PT017 - some of them are what may be there
+
+
+def test_a_resolved_branch_of_an_earlier_version_says_what_it_is_and_how_it_is_made_now():
+    message = r"resolved_branch\.npz' holds a resolved branch, of an earlier version: .* HarmonicBalance\(.*tolerance="
+    with pytest.raises(LoadError, match=message):
+        hbnlp.Branch.load(FILES["resolved_branch"])
 
 
 def test_a_file_of_a_later_format_says_so(tmp_path):

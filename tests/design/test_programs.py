@@ -165,3 +165,20 @@ def test_a_program_says_what_is_missing(problem, branch):
 def test_only_what_users_need_is_shown():
     for name in hbnlp.design.__all__:
         assert getattr(hbnlp.design, name).__module__.startswith("hbnlp.design.")
+
+
+def test_an_optimum_on_whose_motion_the_force_has_a_corner_says_so_and_is_kept():
+    gap = hbnlp.System(
+        [[1.0]], [[0.2]], [[1.0]], nonlinear_force=lambda q, v, tau, p: [3.0 * ca.fmax(q[0] - 0.5, 0.0)],
+        forcing=lambda tau, p: [p.force * ca.cos(tau)], parameters={"force": 1.0},
+    )  # fmt: skip
+    known = hbnlp.solve(hbnlp.HarmonicBalance(gap, 3, n_samples=512), at={"omega": 0.7})
+    sampled = hbnlp.HarmonicBalance(gap, 3)
+    while sampled.sampling.may_double:
+        sampled = sampled.oversampled()
+    shared = Variables({"force": (0.9, 1.1)})
+    program = Program(shared, [response_at(sampled, shared, known)], objective=shared["force"])
+    optimum = program.solve({"force": 1.0}, throw=False)
+    assert not optimum.converged
+    assert "at the optimum, nonlinear_force[0] has a corner on this motion" in optimum.message
+    assert optimum.values["force"] == pytest.approx(0.9)

@@ -126,3 +126,19 @@ def test_observers_save_collect_and_draw(tmp_path: Path, capsys: pytest.CaptureF
         animate([], tmp_path / "none.gif")
     with pytest.raises(ValueError, match="every is 0"):
         dns.Snapshots(every=0.0)
+
+
+def test_a_checkpoint_that_fails_ends_no_run_and_is_logged_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    flow, path = _membrane_flow(), tmp_path / "later" / "state.npz"
+    checkpoint = dns.Checkpoint(path, every=1)
+    assert flow.run(3 * flow.dt, callback=checkpoint).time.size == 3
+    assert caplog.text.count("a checkpoint failed, the run goes on") == 1
+    path.parent.mkdir()
+    flow.run(4 * flow.dt, callback=checkpoint)
+    again = _membrane_flow()
+    dns.load_state(again, path)
+    assert again.time == flow.time
+    with pytest.raises(ValueError, match=r"name that ends in \.npz"):
+        dns.Checkpoint("state.csv")

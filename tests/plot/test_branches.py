@@ -15,7 +15,6 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.extrema import peaks
 from hbnlp.branches.following import follow
-from hbnlp.branches.resolution import resolve_harmonics
 from hbnlp.branches.tracing import trace
 from hbnlp.core.kinds import Kind
 from hbnlp.plot import EVENT_MARKERS, MARKERS, plot_branch, plot_fold_curve, plot_sweep
@@ -149,13 +148,45 @@ def test_a_mean_is_drawn_with_its_sign():
         forcing=lambda tau, p: [-0.5 + p.force * ca.cos(tau)],
         parameters={"force": 1e-3, "omega": 0.5},
     )
-    problem = HarmonicBalance(system, 3)
+    problem, tolerant = HarmonicBalance(system, 3), HarmonicBalance(system, tolerance=1e-6)
     branch = trace(problem, "omega", (0.4, 0.6), stability=None)
     marched = [sweep(problem, "omega", [0.4, 0.5]), sweep(system, "omega", [0.4, 0.5], n_harmonics=3)]
-    for record in (branch, *marched, resolve_harmonics(branch, 1e-6)):
+    for record in (branch, *marched, trace(tolerant, "omega", (0.4, 0.6), stability=None)):
         for decibels, level in ((False, -0.478138), (True, 20.0 * np.log10(0.478138))):
             drawn = [line.get_ydata() for line in record.plot("x", harmonic=0, decibels=decibels).get_lines()]
             np.testing.assert_allclose(next(y for y in drawn if len(y)), level, rtol=1e-5)
+
+
+def test_a_branch_is_coloured_by_its_numbers_of_harmonics_with_a_bar_that_tells_them(tmp_path):
+    problem = HarmonicBalance(duffing(damping_ratio=0.05, cubic=1.0, force=0.5), tolerance=1e-4)
+    branch = trace(problem, "omega", (0.6, 3.0))
+    ax = branch.plot("x", color="n_harmonics")
+    (bar,) = (each for each in ax.figure.axes if each is not ax)
+    numbers = np.unique(branch.n_harmonics)
+    assert len(numbers) > 2
+    assert [text.get_text() for text in bar.get_yticklabels()] == [f"{number}" for number in numbers]
+    assert bar.get_ylabel() == "number of harmonics"
+    colors = {}
+    for line in lines(ax, dashed=False) + lines(ax, dashed=True):
+        where = np.flatnonzero(np.isin(branch.parameter, line.get_xdata()[:-1]))
+        (number,) = {*branch.n_harmonics[where]}  # all but the last point, where the next run begins
+        colors.setdefault(number, set()).add(line.get_color())
+    assert sorted(colors) == numbers.tolist()
+    assert len(set.union(*colors.values())) == len(numbers)
+    assert legend(ax) == ["stable", "unstable", "fold"]
+    branch.save(tmp_path / "branch.npz")
+    again = Branch.load(tmp_path / "branch.npz").plot("x", color="n_harmonics")
+    for a, b in zip(ax.get_lines(), again.get_lines(), strict=True):
+        np.testing.assert_array_equal(a.get_xydata(), b.get_xydata())
+        assert same_color(a.get_color(), b.get_color())
+
+
+def test_one_number_of_harmonics_is_one_colour(branch):
+    ax = branch.plot("x", color="n_harmonics", label="all alike")
+    assert [text.get_text() for text in ax.figure.axes[1].get_yticklabels()] == ["5"]
+    assert "all alike" in legend(ax)
+    with pytest.raises(ValueError, match=r"color is 'harmonics'; give a colour of matplotlib, .* or 'n_harmonics'"):
+        branch.plot("x", color="harmonics")
 
 
 def test_higher_harmonics_and_decibels_are_drawn_as_such(branch):

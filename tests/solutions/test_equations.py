@@ -69,12 +69,12 @@ def test_a_walk_goes_on_with_more_harmonics_where_it_is_told_to():
     start = solve(problem, at={"omega": 0.6})
     curve = along_parameter(problem, problem.values(start.parameters), "omega", span=(0.6, 2.5))
 
-    def renew(curve, point):
-        more = curve.problem.n_harmonics == 3 and point.value > 0.9
+    def judge(curve, _, after):
+        more = curve.problem.n_harmonics == 3 and after.value > 0.9
         return curve.on(problem.with_harmonics(7)) if more else None
 
     first = start_point(curve, curve.point(start.coefficients, 0.6), curve.unknowns.fixing_last())
-    walk = Walk(curve, first, PseudoArclength(), limits=(0.6, 2.5), renew=renew)
+    walk = Walk(curve, first, PseudoArclength(), limits=(0.6, 2.5), judge=judge)
     numbers, values = [], []
     for before, after in walk:
         assert before.y.size == after.y.size == walk.curve.unknowns.size

@@ -219,3 +219,23 @@ def test_the_users_setting_of_casadi_is_left_as_it_was():
         assert ca.GlobalOptions.getNumpyMode() == 1
     finally:
         ca.GlobalOptions.setNumpyMode(0)
+
+
+class Cube(ca.Callback):
+    """A function that CasADi does not look into."""
+
+    def __init__(self, **options):
+        super().__init__()
+        self.construct("cube", options)
+
+    def eval(self, arguments):
+        return [float(arguments[0]) ** 3]
+
+
+def test_a_callback_without_a_derivative_is_refused_and_one_with_finite_differences_is_not():
+    blind, seeing = Cube(), Cube(enable_fd=True)
+    with pytest.raises(ValueError, match=r"nonlinear_force calls 'cube', which has no derivative.*enable_fd"):
+        system(lambda q, v, tau, p: [q[0] + blind(q[0])])
+    seen = system(lambda q, v, tau, p: [q[0] + seeing(q[0])])
+    tangent, _ = seen.compiled_force.tangents([2.0], [0.0], 0.0, [0.5, 1.0])
+    np.testing.assert_allclose(tangent, 13.0, rtol=1e-5)

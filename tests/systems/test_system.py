@@ -344,11 +344,11 @@ BAD_LAGS = {
     ),
     "motion without motion": (
         {"lag_state": [[-1.0]], "lag_motion": [[1.0]]},
-        r"lag_motion has shape \(1, 1\); give an array .* of shape \(1, 0\)",
+        "motion is None; give the motion that lag_motion multiplies",
     ),
     "stiffness without motion": (
         {"input_stiffness": [[1.0]]},
-        r"input_stiffness has shape \(1, 1\); \(1, 0\) is needed",
+        "motion is None; give the motion that input_stiffness multiplies",
     ),
 }
 

@@ -155,7 +155,7 @@ def identify(
        doi:10.1214/aos/1176344136.
     """
     instance_of("response", response, FrequencyResponse, "a FrequencyResponse, of a table FrequencyResponse.from_csv")
-    real_number("tolerance", tolerance, above=0.0)
+    real_number("tolerance", tolerance, above=0.0, below=1.0, advice=", relative to the columns")
     if n_lags is not None:
         whole_number("n_lags", n_lags, least=0)
     if band is not None:

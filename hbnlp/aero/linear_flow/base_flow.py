@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbnlp.aero.linear_flow.direct import factorise
+from hbnlp.aero.linear_flow.mesh import check_incidence
 from hbnlp.aero.linear_flow.sparse import free_unknowns, to_csr
-from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.checks import instance_of, real_number, whole_number
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.types import Array
 
@@ -95,6 +96,9 @@ def steady_flow(
     """
     import ngsolve as ng
 
+    instance_of("mesh", mesh, ng.Mesh, "the mesh of half_mesh or slit_mesh")
+    check_incidence(incidence)
+    real_number("tolerance", tolerance, above=0.0, below=1.0)
     symmetric = "axis" in mesh.GetBoundaries()
     real_number("reynolds", reynolds, above=0.0)
     whole_number("order", order, least=2, advice=" for Taylor-Hood elements (4 is recommended)")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import importlib.metadata
-import json
 import logging
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +15,12 @@ import numpy as np
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.linear_flow.base_flow import steady_flow
 from hbnlp.aero.linear_flow.direct import solver_name
-from hbnlp.aero.linear_flow.mesh import MeshSettings, half_mesh, slit_mesh
+from hbnlp.aero.linear_flow.mesh import MeshSettings, check_incidence, half_mesh, slit_mesh
+from hbnlp.aero.linear_flow.parts import Parts
 from hbnlp.aero.linear_flow.response import LinearResponse
-from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.checks import finite_array, instance_of, real_number, whole_number
 from hbnlp.core.errors import HbnlpError
-from hbnlp.core.files import write_text
-from hbnlp.core.layout import Column, Layout, mapping, number
-from hbnlp.core.records import loaded, save_columns
-from hbnlp.core.storage import refused_as_unreadable
+from hbnlp.core.storage import archive_name
 from hbnlp.core.types import Array, ComplexArray
 
 logger = logging.getLogger(__name__)
@@ -35,9 +32,6 @@ EQUATIONS = (
 Progress = Callable[[Iterable[float]], Iterable[float]]
 # where unstable eigenvalues are looked for: close together where the stable wake is close to the axis
 SHEDDING = (0.3 + 0.7j, 0.3 + 1.1j, 0.3 + 1.5j, 0.3 + 2.0j, 0.3 + 3.0j, 0.3 + 5.0j)
-_PART = Layout(
-    kind="finished frequency of a campaign", columns={"transfer": Column("N+1 N+2", complex)}, entries={"omega": number}
-)
 
 
 class UnsteadyFlowError(HbnlpError):
@@ -79,10 +73,10 @@ class Case:
 
     def __post_init__(self) -> None:
         real_number("reynolds", self.reynolds, above=0.0)
-        if not abs(real_number("incidence", self.incidence)) < np.pi / 2.0:
-            raise ValueError(f"incidence is {self.incidence:g} rad; give less than a quarter turn, in radians")
+        check_incidence(self.incidence)
         whole_number("n_modes", self.n_modes, least=0)
         whole_number("order", self.order, least=2)
+        instance_of("mesh", self.mesh, MeshSettings, "MeshSettings(plate=..., ...)")
 
     def response(self) -> LinearResponse:
         """Mesh, solve the steady flow, linearise.
@@ -120,7 +114,8 @@ def run_campaign(
     """Compute the response, the static one included, and write it to ``path``.
 
     Every finished frequency is kept in the folder ``path.parts`` and not computed again, so an interrupted campaign is
-    resumed by the same call. Remove the folder when the result is safe.
+    resumed by the same call. One whose file is damaged is computed again, and a warning that names it is logged. Remove
+    the folder when the result is safe.
 
     Parameters
     ----------
@@ -149,15 +144,22 @@ def run_campaign(
         If the steady flow has an unstable eigenvalue near the frequencies of vortex shedding, `SHEDDING`.
     ConvergenceError
         If the steady flow is not found.
+    LoadError
+        (A `ValueError`.) If the folder does not say, or no longer, to which case it belongs.
+    SaveError
+        (An `OSError`.) If a part or the result cannot be written.
     ImportError
         If NGSolve is not installed.
     """
-    frequencies = np.unique(np.asarray(omega, dtype=float))
-    if frequencies.size == 0 or not frequencies[0] > 0.0 or not np.isfinite(frequencies[-1]):
+    archive_name("path", path)
+    instance_of("progress", progress, Callable, "a function of the frequencies to come, such as tqdm")
+    instance_of("case", case, Case, "a Case(reynolds=..., incidence=..., ...)")
+    frequencies = np.unique(finite_array("omega", omega, (None,)))
+    if frequencies.size == 0 or not frequencies[0] > 0.0:
         raise ValueError(
             f"omega is {omega}; give finite frequencies above zero (the static response is always computed)"
         )
-    strange = sorted(set(map(float, probes)) - set(frequencies.tolist()))
+    strange = sorted(set(finite_array("probes", probes, (None,)).tolist()) - set(frequencies.tolist()))
     if strange:
         raise ValueError(f"probes {strange} are not among the frequencies; choose some of omega")
     folder = Path(f"{os.fspath(path)}.parts")
@@ -195,10 +197,11 @@ def _compute(
     folder: Path, case: Case, omega: Array, progress: Progress, *, refuse_unsteady: bool
 ) -> tuple[ComplexArray, dict[str, Any]]:
     """Return G at 0 and at ``omega``, (1 + m, N+1, N+2), and the facts of the run; finished parts are read back."""
-    _check_same_case(folder / "case.json", case)
-    wanted = [0.0, *omega.tolist()]
-    missing = [w for w in wanted if not _part(folder, w).exists()]
-    if missing:
+    parts = Parts(folder, asdict(case), n_modes=case.n_modes)
+    facts = parts.facts()
+    found = {w: parts.transfer(w) for w in (0.0, *omega.tolist())}
+    missing = [w for w, transfer in found.items() if transfer is None]
+    if missing or facts is None:
         response = case.response()
         if refuse_unsteady:
             _refuse_unsteady(response, case)
@@ -209,16 +212,11 @@ def _compute(
             "solver": solver_name(),
             "ngsolve": importlib.metadata.version("ngsolve"),
         }
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / "case.json", json.dumps(asdict(case)))
-        write_text(folder / "facts.json", json.dumps(facts))
+        parts.keep_facts(facts)
         for w in progress(missing):
-            save_columns(_part(folder, w), _PART, {"transfer": response.transfer(1j * w)}, {"omega": w})
-    parts = []
-    for w in wanted:
-        with loaded(_part(folder, w), _PART) as part:
-            parts.append(part["transfer"])
-    return np.array(parts), _read_json(folder / "facts.json")
+            found[w] = transfer = response.transfer(1j * w)
+            parts.keep(w, transfer)
+    return np.array(list(found.values())), facts
 
 
 def _refuse_unsteady(response: LinearResponse, case: Case) -> None:
@@ -235,21 +233,3 @@ def _refuse_unsteady(response: LinearResponse, case: Case) -> None:
                 "hbnlp.dns",
                 rightmost,
             )
-
-
-def _check_same_case(file: Path, case: Case) -> None:
-    settings: Mapping[str, Any] = json.loads(json.dumps(asdict(case)))
-    if file.exists() and _read_json(file) != settings:
-        raise ValueError(
-            f"{str(file.parent)!r} belongs to another case, {file.read_text()}; "
-            "resume that one, write to another file, or remove the folder"
-        )
-
-
-def _read_json(file: Path) -> dict[str, Any]:
-    with refused_as_unreadable(file, "campaign's JSON"):
-        return mapping(json.loads(file.read_text()))
-
-
-def _part(folder: Path, omega: float) -> Path:
-    return folder / f"omega_{omega:.9e}.npz"

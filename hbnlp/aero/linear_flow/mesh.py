@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbnlp.aero.linear_flow.extra import require_ngsolve
+from hbnlp.core.checks import instance_of, real_number
 
 if TYPE_CHECKING:
     import ngsolve
@@ -48,15 +49,21 @@ class MeshSettings:
     growth: float = 0.4
 
     def __post_init__(self) -> None:
+        for name in ("domain", "plate", "wake", "edge", "growth"):
+            real_number(name, getattr(self, name), above=0.0)
         if not (0.0 < self.edge < self.plate < 0.5 and self.domain >= 5.0):
             raise ValueError(
                 f"edge {self.edge:g}, plate {self.plate:g}, domain {self.domain:g} chords are out of order; "
                 "0 < edge < plate < 0.5 and domain >= 5 are accepted"
             )
-        if not self.wake > 0.0:
-            raise ValueError(f"wake is {self.wake:g}; give a positive element size")
         if not 0.0 < self.growth <= 1.0:
             raise ValueError(f"growth is {self.growth:g}; give a grading above 0 and up to 1")
+
+
+def check_incidence(incidence: Any) -> None:
+    """Raise an error unless an angle of the stream to the plate is less than a quarter turn."""
+    quarter = np.pi / 2.0
+    real_number("incidence", incidence, above=-quarter, below=quarter, advice=": less than a quarter turn, in radians")
 
 
 def half_mesh(settings: MeshSettings, *, incidence: float = 0.0) -> ngsolve.Mesh:
@@ -70,6 +77,8 @@ def half_mesh(settings: MeshSettings, *, incidence: float = 0.0) -> ngsolve.Mesh
     ImportError
         If NGSolve is not installed.
     """
+    instance_of("settings", settings, MeshSettings, "MeshSettings(plate=..., ...)")
+    check_incidence(incidence)
     require_ngsolve()
     import ngsolve
     from netgen.geom2d import SplineGeometry

@@ -10,7 +10,7 @@ from hbnlp.aero.linear_flow.base_flow import BaseFlow
 from hbnlp.aero.linear_flow.direct import factorise
 from hbnlp.aero.linear_flow.motion import load_tests, plate_motions
 from hbnlp.aero.linear_flow.operator import linearise
-from hbnlp.core.checks import whole_number
+from hbnlp.core.checks import instance_of, whole_number
 from hbnlp.core.types import ComplexArray
 
 
@@ -31,6 +31,7 @@ class LinearResponse:
     """
 
     def __init__(self, flow: BaseFlow, *, n_modes: int) -> None:
+        instance_of("flow", flow, BaseFlow, "the BaseFlow of steady_flow")
         n_modes = whole_number("n_modes", n_modes, least=0, advice=", 0 for a rigid plate")
         self._matrices = linearise(flow)
         velocity = self._matrices.velocity

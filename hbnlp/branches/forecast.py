@@ -1,0 +1,176 @@
+"""Whether multipliers pass the unit circle and come back within a step, forecast from those at three points.
+
+Where two multipliers come near each other their moduli turn within a fraction of a step. Half the sum of their
+logarithms, and the square of half the difference, do not: they are smooth through a meeting, at which the square
+changes sign. Parabolas through these tell what the two do in between, and the points of the curve are asked then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment, minimize_scalar
+
+from hbnlp.core.types import Array, ComplexArray
+
+MATTERS = 1e-3
+"""Multipliers of smaller modulus are not followed from point to point."""
+REACH = 1.5
+"""Those whose logarithm's real part is larger than this do not come to the unit circle within a step."""
+APART = 2.6
+"""Two whose angles differ by more than this at one of the points do not meet: the difference has no sign near pi."""
+FAR = 0.3
+"""A forecast that comes no nearer to the unit circle than this part of the nearer end is not looked at."""
+ERROR = 0.03
+"""How far the parabola through the squares of differences may be off between two points, relative to their change."""
+MIDWAY = 3.0 / 64.0
+"""Product of the distances to three places at equal distances, midway between two of them and relative to the outer."""
+MOST_LOOKS = 4
+CLOSE = 1e-5
+"""Looks are no nearer to one another than this part of the step."""
+INSIDE = np.linspace(0.0, 1.0, 26)[1:-1]
+"""Places within a step, as parts of it, at which the forecast is made."""
+
+
+class Spectrum(NamedTuple):
+    """Multipliers at a place along the curve."""
+
+    place: float
+    multipliers: ComplexArray
+
+
+def hidden_crossing(
+    earlier: Spectrum | None,
+    here: Spectrum,
+    later: Spectrum,
+    look: Callable[[float], ComplexArray | None],
+    margin: float,
+) -> float | None:
+    """Return a place in a step at which more multipliers are unstable than at both its ends, or fewer; None if none is.
+
+    Parameters
+    ----------
+    earlier, here, later : Spectrum
+        Multipliers before the step, None where there are none, and at its ends.
+    look : callable
+        The multipliers at a place in between; None where they cannot be had: the place is then returned as if it hid
+        something.
+    margin : float
+        How far beyond the unit circle a multiplier has to be.
+    """
+    fewest, most = sorted((unstable(here.multipliers, margin), unstable(later.multipliers, margin)))
+    known, place = [here, later], 0.5 * (here.place + later.place)
+    if earlier is not None:
+        expected = _forecast((earlier, here, later), here.place, margin)
+        if expected is None:
+            return None
+        place = expected.place
+    closest = CLOSE * (later.place - here.place)
+    for _ in range(MOST_LOOKS):
+        seen = look(place)
+        if seen is None or not fewest <= unstable(seen, margin) <= most:
+            return place
+        known = sorted([*known, Spectrum(place, seen)], key=lambda each: each.place)
+        nearby = [_forecast(three, three[0].place, margin) for three in zip(known, known[1:], known[2:], strict=False)]
+        expected = max((each for each in nearby if each is not None), default=None)
+        if expected is None or min(abs(expected.place - each.place) for each in known) < closest:
+            return None
+        place = expected.place
+    return None
+
+
+def unstable(multipliers: ComplexArray, margin: float) -> int:
+    """Return how many multipliers are beyond the unit circle by more than a margin."""
+    return int(np.count_nonzero(np.abs(multipliers) > 1.0 + margin))
+
+
+class _Expected(NamedTuple):
+    """How far beyond what is worth a look a multiplier is expected to be, and where."""
+
+    worth: float
+    place: float
+
+
+def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin: float) -> _Expected | None:
+    """Return where two multipliers most probably are beyond the unit circle that are not at the ends of an interval.
+
+    Or not beyond it where they are at the ends; None where that is not to be expected. The interval is that from
+    ``begin``, the place of the first or second of the spectra, to the last of them.
+    """
+    followed = _followed(spectra)
+    if followed is None:
+        return None
+    i, j = np.triu_indices(followed.shape[1])
+    ratio = np.log(followed[:, i] / followed[:, j])
+    once = (followed[1, i] + followed[1, j]).imag > -MATTERS  # conjugates tell the same
+    together = once & (np.abs(ratio.imag).max(axis=0) < APART)
+    if not together.any():
+        return None
+    i, j, ratio = i[together], j[together], ratio[:, together]
+    logarithms = np.log(np.abs(followed))
+    mean, square = 0.5 * (logarithms[:, i] + logarithms[:, j]), (0.5 * ratio) ** 2
+    error = ERROR * np.abs(square - np.roll(square, 1, axis=0)).max(axis=0)
+    places = np.array([spectrum.place for spectrum in spectra])
+    inside = begin + INSIDE * (places[2] - begin)
+    basis = _lagrange(places, inside)
+    off = np.abs(np.prod(inside[:, None] - places, axis=1)) / (places[2] - places[0]) ** 3 / MIDWAY
+    widest = np.sqrt(basis @ square + error * off[:, None]).real
+    known = np.abs(np.sqrt(square).real)
+    ends = [0 if begin == places[0] else 1, 2]
+    best = None
+    for sign in (1.0, -1.0):
+        at_ends = mean[ends] + sign * known[ends]
+        side = np.sign(at_ends[0])
+        nearer = np.abs(at_ends).min(axis=0)
+        beyond = -side * (basis @ mean + sign * widest)  # positive beyond the circle, as seen from the ends
+        worth = np.minimum(beyond + FAR * nearer, beyond + nearer - 4.0 * margin).max(axis=0)
+        worth[at_ends[0] * at_ends[1] <= 0.0] = -np.inf
+        k = int(worth.argmax())
+        if worth[k] > (best.worth if best is not None else 0.0):
+
+            def distance(at: Array, k: int = k, sign: float = sign, side: float = side[k]) -> Array:
+                rows = _lagrange(places, at)
+                likely = np.sqrt(rows @ square[:, k] + error[k]).real
+                return np.asarray(side * (rows @ mean[:, k] + sign * likely))
+
+            best = _Expected(float(worth[k]), _lowest(distance, inside))
+    return best
+
+
+def _lowest(function: Callable[[Array], Array], places: Array) -> float:
+    """Return where a function is lowest: by its values at places in order, then between those beside the lowest."""
+    k = int(np.argmin(function(places)))
+    bounds = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
+    return float(minimize_scalar(lambda place: function(np.array([place]))[0], bounds=bounds, method="bounded").x)
+
+
+def _followed(spectra: tuple[Spectrum, Spectrum, Spectrum]) -> ComplexArray | None:
+    """Return the multipliers near the unit circle at three points (3, n), each column those of one; None if none is."""
+    known = [each.multipliers[np.abs(each.multipliers) > MATTERS] for each in spectra]
+    count = min(len(each) for each in known)
+    if count == 0 or not all(np.isfinite(each).all() for each in known):
+        return None
+    before, middle, after = (each[np.argsort(-np.abs(each), kind="stable")][:count] for each in known)
+    rows = [_assigned(middle, other) for other in (before, after)]
+    near = np.abs(np.log(np.abs(middle))) < REACH
+    return np.array([rows[0], middle, rows[1]])[:, near]
+
+
+def _assigned(multipliers: ComplexArray, others: ComplexArray) -> ComplexArray:
+    """Return the others in the order of the multipliers that they are nearest to."""
+    distances = np.abs(np.log(others[None, :] / multipliers[:, None]))
+    return others[linear_sum_assignment(distances)[1]]
+
+
+def _lagrange(nodes: Array, at: Array) -> Array:
+    """Return the values (n, 3) of the three parabolas that are one at a node and zero at the others."""
+    a, b, c = nodes
+    return np.column_stack(
+        [
+            (at - b) * (at - c) / ((a - b) * (a - c)),
+            (at - a) * (at - c) / ((b - a) * (b - c)),
+            (at - a) * (at - b) / ((c - a) * (c - b)),
+        ]
+    )
