@@ -8,7 +8,6 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.extrema import peaks
 from hbnlp.branches.following import follow
-from hbnlp.branches.resolution import resolve_harmonics
 from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
@@ -124,7 +123,7 @@ def test_whatever_gives_a_solution_gives_one_that_can_be_kept(tmp_path):
         branch.folds[0].solution,
         peaks(branch, "x")[0].solution,
         follow(branch.folds[0], "force", span=(0.17, 0.19)).solution(0),
-        resolve_harmonics(branch, 0.1).solution(3),
+        trace(HarmonicBalance(duffing(), tolerance=1e-2), "omega", (0.9, 1.4), stability=None).solution(3),
         sweep(problem, "omega", [0.7, 0.8]).solution(1),
         find_all(problem, at={"omega": 0.8}, method=Search(n_starts=0))[0],
     ]
