@@ -15,7 +15,7 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind
 from hbnlp.core.records import loaded, save_columns
 from hbnlp.diagrams.marching import March, march
-from hbnlp.diagrams.meeting import image_of, is_crossed
+from hbnlp.diagrams.meeting import image_of, is_crossed, least_size, place_of
 from hbnlp.diagrams.storing import LAYOUT, branches_of, columns_of
 from hbnlp.diagrams.stretches import Interval, Stretch, intervals_of, stretches_of
 from hbnlp.solutions.identity import meets
@@ -173,10 +173,17 @@ class Diagram:
         ValueError
             If it was made without stability.
         """
+        scale, size = max(map(abs, self.span)), least_size(self.branches)
+        joined = [junction.point for junction in self.junctions]
+
+        def known(point: SpecialPoint) -> SpecialPoint:
+            place = place_of(point, joined, scale=scale, size=size) if is_crossed(point) else None
+            return point if place is None else joined[place]
+
         stretches: list[Stretch] = []
         for i, (branch, origin) in enumerate(zip(self.branches, self.origins, strict=True)):
             begin = None if origin.junction is None else self.junctions[origin.junction].point
-            stretches += stretches_of(i, branch, begin)
+            stretches += stretches_of(i, branch, begin, known)
         return tuple(stretches)
 
     def intervals(self) -> tuple[Interval, ...]:

@@ -19,7 +19,7 @@ import numpy as np
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.core.checks import counted, refused
 from hbnlp.core.kinds import Kind
-from hbnlp.diagrams.meeting import image_of, least_size, place_of
+from hbnlp.diagrams.meeting import image_of, least_size
 from hbnlp.diagrams.stretches import Stretch
 from hbnlp.fourier import to_real
 from hbnlp.integration.response import TimeResponse
@@ -154,7 +154,7 @@ class _Marcher:
         leg = Leg(stretch=stretch, enters=enters, leaves=leaves, next=Next.END)
         if point is None:
             return leg, None
-        soft = [each for each in self._stable if each is not stretch and self._begins_at(each, point)]
+        soft = [each for each in self._stable if each is not stretch and self._begin_of(each) is point]
         if soft:
             return dataclasses.replace(leg, next=Next.SOFT), soft[0]
         again = self._stable_again(stretch) if point.kind is Kind.NEIMARK_SACKER else None
@@ -170,11 +170,9 @@ class _Marcher:
             landed = candidates[0] if len(candidates) == 1 else None
         return (leg, None) if landed is None else (dataclasses.replace(leg, next=Next.FALL), landed)
 
-    def _begins_at(self, stretch: Stretch, point: SpecialPoint) -> bool:
-        """Return whether a march that comes to a special point goes on along a stretch that begins there."""
-        own = stretch.at_low if self._sign > 0.0 else stretch.at_high
-        scale, size = max(map(abs, self._diagram.span)), least_size(self._diagram.branches)
-        return own is not None and place_of(own, [point], scale=scale, size=size) is not None
+    def _begin_of(self, stretch: Stretch) -> SpecialPoint | None:
+        """Return the special point at which a march enters a stretch."""
+        return stretch.at_low if self._sign > 0.0 else stretch.at_high
 
     def _stable_again(self, stretch: Stretch) -> Stretch | None:
         """Return the next stable stretch of the same branch the same way, beyond one that is modulated."""

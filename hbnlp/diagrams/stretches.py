@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -70,10 +70,20 @@ class Interval:
         return f"Interval from {ends[0]} to {ends[1]}: stable motions of the branches {branches}"
 
 
-def stretches_of(number: int, branch: Branch, origin: SpecialPoint | None = None) -> list[Stretch]:
+def stretches_of(
+    number: int, branch: Branch, origin: SpecialPoint | None, known: Callable[[SpecialPoint], SpecialPoint]
+) -> list[Stretch]:
     """Return the stretches of a branch that was traced with stability, in branch order; also cut where it turns.
 
-    ``origin`` is the special point at which it was switched to.
+    Parameters
+    ----------
+    number : int
+        That of the branch in its diagram.
+    branch : Branch
+    origin : SpecialPoint or None
+        At which it was switched to.
+    known : callable
+        A special point as the first of the branches that meet there has it: the others have it up to round-off.
 
     Raises
     ------
@@ -88,9 +98,9 @@ def stretches_of(number: int, branch: Branch, origin: SpecialPoint | None = None
     stretches, before = [], origin
     for begin, end in zip([0, *(cut + 1 for cut in cuts)], [*cuts, len(branch) - 1], strict=True):
         if end < len(branch) - 1:
-            after = _bound(branch, end, first=bool(stable[end]))
+            after = _bound(branch, end, known, first=bool(stable[end]))
         else:  # one that met another branch ends with its step across that
-            after = branch.special_points[-1] if branch.end is End.MET else None
+            after = known(branch.special_points[-1]) if branch.end is End.MET else None
         ends = [(_value(before, parameter[begin]), before), (_value(after, parameter[end]), after)]
         (low, at_low), (high, at_high) = sorted(ends, key=lambda each: each[0])
         bounds = [point.kind for point in (before, after) if point is not None]
@@ -107,7 +117,7 @@ def stretches_of(number: int, branch: Branch, origin: SpecialPoint | None = None
                 modulated=not stable[begin] and Kind.NEIMARK_SACKER in bounds,
             )
         )
-        before = _bound(branch, end, first=False) if end < len(branch) - 1 else None
+        before = _bound(branch, end, known, first=False) if end < len(branch) - 1 else None
     return stretches
 
 
@@ -140,10 +150,12 @@ def _interval(low: float, high: float, stretches: Sequence[Stretch]) -> Interval
     )
 
 
-def _bound(branch: Branch, index: int, *, first: bool) -> SpecialPoint | None:
+def _bound(
+    branch: Branch, index: int, known: Callable[[SpecialPoint], SpecialPoint], *, first: bool
+) -> SpecialPoint | None:
     """Return the special point in a step at which stability changes: the first of several, or the last."""
     inside = [point for point in branch.special_points if point.index == index]
-    return None if not inside else inside[0 if first else -1]
+    return None if not inside else known(inside[0 if first else -1])
 
 
 def _value(point: SpecialPoint | None, otherwise: float) -> float:
