@@ -36,6 +36,8 @@ from hbnlp.core.errors import (
 from hbnlp.core.kinds import End, FoldEvent, Kind, Status
 from hbnlp.core.old_names import announce_old_imports, old_names
 from hbnlp.core.renamed import renamed_name
+from hbnlp.diagrams.diagram import Diagram
+from hbnlp.diagrams.exploring import explore
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.runge_kutta import RungeKutta4
@@ -71,6 +73,7 @@ __all__ = [
     "Branch",
     "ConvergenceError",
     "CornerError",
+    "Diagram",
     "End",
     "Floquet",
     "FloquetResult",
@@ -111,6 +114,7 @@ __all__ = [
     "aero",
     "design",
     "eigenvalues",
+    "explore",
     "find_all",
     "floquet",
     "follow",

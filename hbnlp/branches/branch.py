@@ -12,7 +12,6 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.balance.sampling import MOST_HARMONICS
 from hbnlp.branches.special_points import COLUMNS, ROWS, SpecialPoint, packed, unpacked
-from hbnlp.continuation.curve import TINY
 from hbnlp.core.checks import counted, place, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End, Kind
@@ -28,7 +27,7 @@ from hbnlp.core.layout import (
     texts,
     whole,
 )
-from hbnlp.core.records import AlongParameter, loaded, save_record
+from hbnlp.core.records import AlongParameter, loaded, save_columns, taken_apart
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs, check_problem
@@ -159,7 +158,7 @@ class Branch(AlongParameter):
         values = problem.values(self.parameters, but=(self.name,))
         # a branch may begin at rest, where nothing can be measured relative to the solution
         largest = float(np.linalg.norm(self.coefficients, axis=(1, 2)).max(initial=0.0))
-        curve = along_parameter(problem, values, self.name, span=self.span, floor=max(1e-3 * largest, TINY))
+        curve = along_parameter(problem, values, self.name, span=self.span, floor=1e-3 * largest or 1.0)
         points = [self.solution(i) for i in range(len(self))]
         if self.closed:
             points[-1] = points[0]  # the same but for round-off, and counted once
@@ -225,8 +224,12 @@ class Branch(AlongParameter):
         SaveError
             If it cannot be written; the branch in memory and an older file are as they were.
         """
+        save_columns(path, LAYOUT, *self.parts())
+
+    def parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the columns and plain values by which it stands in a file, as `LAYOUT` says."""
         special_points = packed(self.special_points, self.coefficients.shape[1])
-        save_record(self, path, _LAYOUT, end=self.end.name, **special_points)
+        return taken_apart(self, LAYOUT, end=self.end.name, **special_points)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Branch:
@@ -250,16 +253,32 @@ class Branch(AlongParameter):
             If ``problem`` is something else.
         """
         check_problem(problem)
-        with loaded(path, _LAYOUT) as content:
-            content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
-            content["special_points"] = unpacked(content, problem)
-            branch = cls(**content, problem=problem)
-        if problem is not None:
-            check_numbers(problem, branch.n_harmonics, what="branch")
-            for index in {0, len(branch) - 1} if len(branch) else ():
-                solution = branch.solution(index)
-                check_belongs(problem.carrying(solution.n_harmonics), solution, what="branch")
+        with loaded(path, LAYOUT) as content:
+            branch = cls.of_parts(content, problem)
+        branch.check_its_problem()
         return branch
+
+    @classmethod
+    def of_parts(cls, content: dict[str, Any], problem: HarmonicBalance | None) -> Branch:
+        """Return the branch of columns and plain values that are as `LAYOUT` says.
+
+        Raises
+        ------
+        ValueError
+            If they are at odds.
+        """
+        content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
+        content["special_points"] = unpacked(content, problem)
+        return cls(**content, problem=problem)
+
+    def check_its_problem(self) -> None:
+        """Raise a ValueError that says in what they differ unless its problem is that of its points."""
+        problem = self.problem
+        if problem is not None:
+            check_numbers(problem, self.n_harmonics, what="branch")
+            for index in {0, len(self) - 1} if len(self) else ():
+                solution = self.solution(index)
+                check_belongs(problem.carrying(solution.n_harmonics), solution, what="branch")
 
     def __repr__(self) -> str:
         extent = "no points"
@@ -281,7 +300,7 @@ class Branch(AlongParameter):
         )
 
 
-_LAYOUT = Layout(
+LAYOUT = Layout(
     kind="branch",
     columns={
         "parameter": Column("points"),

@@ -124,6 +124,11 @@ class Tracer(StaysHere):
         return self._collection.curve.problem
 
     @property
+    def value(self) -> float:
+        """The parameter at the last point."""
+        return self._last.value
+
+    @property
     def end(self) -> End | None:
         """Why there are no more points; None while there may be."""
         if self._resumed is not None and self._resumed.closed:

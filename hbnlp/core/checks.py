@@ -172,8 +172,8 @@ def finite_array(
 
 
 def counted(number: int, what: str) -> str:
-    """Return "1 fold", "2 folds"."""
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+    """Return "1 fold", "2 folds", "2 branches"."""
+    return f"{number} {what}" + ("" if number == 1 else "es" if what.endswith("ch") else "s")
 
 
 def instance_of(name: str, value: Any, kinds: Any, advice: str) -> None:

@@ -79,14 +79,15 @@ class End(enum.Enum):
         "or at a threshold of parametric excitation; a start on the far side may go on"
     )
     CORNER = "the force is not smooth on the motion, a step, a corner or nearly as steep: round it over a width"
+    MET = "came back to the branch that it crosses"
     INTERRUPTED = "interrupted; resume it"
     ERROR = "an error was raised"
     STOPPED = "stopped by a callback; resume it"
 
     @property
     def complete(self) -> bool:
-        """Whether all that was asked for is there: the span traced to an end, or the branch closed."""
-        return self in (End.SPAN_END, End.SPAN_START, End.CLOSED)
+        """Whether all that was asked for is there: the branch came to an end of the span, closed, or met another."""
+        return self in (End.SPAN_END, End.SPAN_START, End.CLOSED, End.MET)
 
 
 class FoldEvent(enum.Enum):

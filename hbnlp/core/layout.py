@@ -15,7 +15,7 @@ Entry = Callable[[Any], Any]
 """Returns a plain value as a record has it, or raises a ValueError that says what is needed."""
 
 _LENGTH = re.compile(r"(?P<times>\d*)(?P<name>[A-Za-z_]+)(?:\+(?P<plus>\d+))?")
-_KINDS = {float: "fiu", complex: "cfiu", int: "iu", bool: "b"}
+_KINDS = {float: "fiu", complex: "cfiu", int: "iu", bool: "b", object: "cfiub"}
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Column:
         Its lengths, "points dof 2H+1": numbers, or multiples of a name with something added. A name is the same length
         in all columns of a record. "..." is any shape.
     kind : type
-        float, complex, int or bool.
+        float, complex, int or bool; object for any of these.
     finite : bool
         Whether all values are finite as a rule. Those that were not when the record was saved are loaded as they were.
     optional : bool

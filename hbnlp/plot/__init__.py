@@ -5,7 +5,7 @@ from typing import Any
 from hbnlp.core.old_names import old_names
 from hbnlp.core.renamed import renamed_name
 from hbnlp.plot.aero import plot_lift_response, plot_rational_fit
-from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_fold_curve, plot_sweep
+from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_diagram, plot_fold_curve, plot_sweep
 from hbnlp.plot.flow import animate, plot_loads, plot_vorticity
 from hbnlp.plot.motions import plot_solutions
 
@@ -14,6 +14,7 @@ __all__ = [
     "MARKERS",
     "animate",
     "plot_branch",
+    "plot_diagram",
     "plot_fold_curve",
     "plot_lift_response",
     "plot_loads",

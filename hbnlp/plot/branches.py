@@ -27,6 +27,7 @@ from hbnlp.plot.arguments import axes, check_color, check_label, result
 if TYPE_CHECKING:
     from hbnlp.branches.branch import Branch
     from hbnlp.branches.fold_curves import FoldBranch
+    from hbnlp.diagrams.diagram import Diagram
     from hbnlp.sweeps.records import Sweep, TimeSweep
 
 STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
@@ -124,6 +125,35 @@ def plot_branch(
             ax.plot(x, y, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
             _explain(ax, kind.value, **style)
     _finish(ax, branch.name, output, harmonic, per, decibels)
+    return ax
+
+
+def plot_diagram(
+    diagram: Diagram,
+    output: str,
+    *,
+    ax: Axes | None = None,
+    harmonic: int = 1,
+    per: str | None = None,
+    decibels: bool = False,
+    special: bool | Collection[Kind] = True,
+) -> Axes:
+    """Draw the amplitude of one harmonic of an output along all branches of a diagram, each in its colour.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    output, ax, harmonic, per, decibels, special
+        As for `plot_branch`.
+
+    Returns
+    -------
+    Axes
+    """
+    result("diagram", diagram, "Diagram")
+    ax = axes(ax)
+    for branch in diagram.branches:
+        plot_branch(branch, output, ax=ax, harmonic=harmonic, per=per, decibels=decibels, special=special)
     return ax
 
 

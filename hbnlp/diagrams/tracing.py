@@ -1,0 +1,83 @@
+"""One branch of a diagram: from a start until it ends, or comes to a point where it crosses the one that it left."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+from hbnlp.branches.branch import Branch
+from hbnlp.branches.special_points import SpecialPoint
+from hbnlp.branches.tracer import Tracer
+from hbnlp.continuation.arclength import PseudoArclength
+from hbnlp.core.kinds import End
+from hbnlp.diagrams.meeting import is_crossed, place_of
+from hbnlp.solutions.solution import Solution, attached
+from hbnlp.stability.result import Floquet
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errand:
+    """What one branch of a diagram takes; it can be sent to another process.
+
+    Attributes
+    ----------
+    start : Solution
+        Switched to, or found.
+    direction : int
+        Which way to go from one that was found; one that was switched to leads away from its origin.
+    name, span, stability, method
+        As for `hbnlp.trace`.
+    known : tuple of SpecialPoint
+        Points of the branch that it was switched from: where it meets that again, it ends.
+    size : float
+        Size below which motions are not measured relative to themselves.
+    resume : Branch or None
+        A part of it that is there already.
+    """
+
+    start: Solution
+    direction: int
+    name: str
+    span: tuple[float, float]
+    stability: Floquet | None
+    method: PseudoArclength
+    known: tuple[SpecialPoint, ...] = ()
+    size: float = 0.0
+    resume: Branch | None = None
+
+
+def steps(errand: Errand) -> Generator[Tracer, None, Branch]:
+    """Yield the tracer after each point, and return the branch; an error on the way is its end."""
+    if errand.resume is not None and errand.resume.complete:
+        return errand.resume
+    tracer = Tracer(
+        errand.start if errand.resume is None else attached(errand.start),
+        errand.name,
+        errand.span,
+        at=None if errand.resume is None else errand.resume.parameters,
+        direction=errand.direction,
+        stability=errand.stability,
+        method=errand.method,
+        resume=errand.resume,
+    )
+    scale = max(map(abs, errand.span))
+    try:
+        for traced in tracer:
+            yield tracer
+            crossed = [point for point in traced.special_points if is_crossed(point)]
+            if any(place_of(point, errand.known, scale=scale, size=errand.size) is not None for point in crossed):
+                return tracer.branch(End.MET)
+    except Exception as error:  # noqa: BLE001 - of one of many branches, which tells it
+        return tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
+    return tracer.branch()
+
+
+def traced(errand: Errand) -> Branch:
+    """Return the branch of an errand."""
+    progress = steps(errand)
+    while True:
+        try:
+            next(progress)
+        except StopIteration as done:
+            branch: Branch = done.value
+            return branch

@@ -1,0 +1,172 @@
+"""Diagrams: no branch twice, the points where branches meet, all motions at a value, intervals, marches, files."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import hbnlp
+from hbnlp.diagrams.marching import Next
+
+PITCHFORKS = (0.806147645, 0.924215367)
+"""Of the Duffing oscillator at force 2: where the branch of broken symmetry begins and ends, also by 25 harmonics."""
+
+
+@pytest.fixture(scope="module")
+def strong():
+    system = hbnlp.systems.duffing(damping_ratio=0.05, cubic=1.0, force=2.0)
+    return hbnlp.HarmonicBalance(system, tolerance=1e-4)
+
+
+@pytest.fixture(scope="module")
+def diagram(strong):
+    return hbnlp.explore(strong, "omega", (0.3, 4.0))
+
+
+@pytest.fixture(scope="module")
+def parametron():
+    return hbnlp.System(
+        [[1.0]],
+        [[0.02]],
+        [[1.0]],
+        nonlinear_force=lambda q, v, tau, p: [p.pump * ca.cos(tau) * q[0] + q[0] ** 3],
+        parameters={"pump": 0.3},
+        name="parametron",
+    )
+
+
+def values(diagram, kind):
+    return [junction.point.value for junction in diagram.special_points if junction.point.kind is kind]
+
+
+def test_a_branch_of_broken_symmetry_is_traced_once_and_known_to_have_an_image(diagram):
+    assert len(diagram) == 2
+    assert diagram.branches[1].end is hbnlp.End.MET
+    assert values(diagram, hbnlp.Kind.BRANCH_POINT) == pytest.approx(PITCHFORKS, rel=1e-6)
+    assert [junction.branches for junction in diagram.junctions] == [(0, 1), (0, 1)]
+    assert diagram.junctions[0].has_images
+    assert not diagram.left
+
+
+@pytest.mark.parametrize("omega", [0.55, 0.7, 0.9, 1.5])
+def test_no_motion_that_a_search_finds_is_missed(strong, diagram, omega):
+    found = hbnlp.find_all(strong.with_harmonics(13), at={"omega": omega}, method=hbnlp.Search(n_starts=20))
+    motions = diagram.at(omega)
+    assert len(found)
+    for solution in found:
+        assert any(hbnlp.relation(solution, motion.solution, tol=1e-3) is not None for motion in motions)
+
+
+def test_stability_of_the_motions_is_that_of_their_multipliers(diagram):
+    by_branch = {motion.branch: motion for motion in diagram.at(0.9)}
+    assert not by_branch[0].stable
+    assert by_branch[1].stable
+    assert by_branch[1].n_images == 1
+
+
+def test_the_interval_of_two_stable_motions_lies_between_the_folds(diagram):
+    (interval,) = diagram.intervals()
+    folds = sorted(values(diagram, hbnlp.Kind.FOLD))
+    assert [interval.low, interval.high] == pytest.approx(folds)
+    assert {interval.at_low.kind, interval.at_high.kind} == {hbnlp.Kind.FOLD}
+
+
+def test_marches_fall_at_the_folds_and_go_on_through_soft_bifurcations(diagram):
+    low, high = sorted(values(diagram, hbnlp.Kind.FOLD))
+    up, down = diagram.march("up"), diagram.march("down")
+    assert [leg.next for leg in up.legs] == [Next.FALL, Next.SOFT, Next.SOFT, Next.END]
+    assert [leg.leaves for leg in up.falls] == pytest.approx([high])
+    assert [leg.leaves for leg in down.falls] == pytest.approx([low])
+    assert down.legs[-1].leaves == pytest.approx(0.3)
+    assert [leg.enters for leg in up.legs[1:]] == pytest.approx([leg.leaves for leg in up.legs[:-1]])
+
+
+def test_without_integration_a_march_falls_where_one_motion_alone_is_stable(diagram):
+    assert diagram.march("up", integrated=False).legs[0].next is Next.FALL
+
+
+def test_a_chain_is_explored_whole_or_up_to_a_budget_and_gone_on_with():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.chain(3), tolerance=1e-3)
+    whole = hbnlp.explore(problem, "omega", (2.5, 0.2), stability=None)
+    part = hbnlp.explore(problem, "omega", (2.5, 0.2), stability=None, max_points=len(whole.branches[0]) + 1)
+    assert len(part) < len(whole)
+    assert part.left
+    again = hbnlp.explore(problem, "omega", (2.5, 0.2), stability=None, resume=part)
+    for a, b in zip(whole.branches, again.branches, strict=True):
+        assert np.array_equal(a.coefficients, b.coefficients)
+    assert not again.left
+
+
+def test_no_branch_of_a_chain_is_traced_twice():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.chain(3), tolerance=1e-3)
+    branches = hbnlp.explore(problem, "omega", (2.5, 0.2), stability=None).branches
+    assert len(branches) == 3
+    for i, branch in enumerate(branches):
+        middle = branch.solution(len(branch) // 2)
+        for other in (each for j, each in enumerate(branches) if j != i):
+            low, high = other.parameter.min(), other.parameter.max()
+            there = other.at(middle.parameters["omega"]) if low <= middle.parameters["omega"] <= high else ()
+            assert all(hbnlp.relation(motion, middle, tol=1e-4) is None for motion in there)
+
+
+def test_it_is_the_same_with_an_executor(strong, diagram):
+    with ThreadPoolExecutor(2) as executor:
+        other = hbnlp.explore(strong, "omega", (0.3, 4.0), executor=executor)
+    for a, b in zip(diagram.branches, other.branches, strict=True):
+        assert np.allclose(a.coefficients, b.coefficients, rtol=0.0, atol=1e-9)
+
+
+def test_an_isola_is_found_by_a_search_at_a_value():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.tuned_absorber(), 5)
+    diagram = hbnlp.explore(problem, "omega", (0.5, 3.0), stability=None, search_at=[1.8])
+    assert [branch.end for branch in diagram.branches] == [hbnlp.End.SPAN_END, hbnlp.End.CLOSED]
+    assert diagram.origins[1].value == 1.8
+    assert sorted(fold.value for fold in diagram.branches[1].folds) == pytest.approx(
+        [1.5658235396, 2.3185469325], abs=1e-8
+    )
+
+
+def test_motions_that_begin_at_rest(parametron):
+    diagram = hbnlp.explore(hbnlp.HarmonicBalance(parametron, tolerance=1e-4), "omega", (0.4, 3.0))
+    assert sorted(branch.periods for branch in diagram.branches) == [1, 1, 2, 2]
+    # unstable tongues of x'' + .02 x' + (1 + .3 cos(omega t)) x = 0 begin and end at the four junctions
+    assert len(diagram.junctions) == 4
+    assert [len(junction.branches) for junction in diagram.junctions] == [2] * 4
+    up = diagram.march("up")
+    assert [leg.next for leg in up.legs] == [Next.SOFT, Next.FALL, Next.SOFT, Next.END]
+
+
+def test_a_diagram_comes_back_from_its_file(tmp_path, strong, diagram):
+    diagram.save(tmp_path / "diagram.npz")
+    loaded = hbnlp.Diagram.load(tmp_path / "diagram.npz", problem=strong)
+    assert repr(loaded) == repr(diagram)
+    assert loaded.origins == diagram.origins
+    assert [junction.branches for junction in loaded.junctions] == [junction.branches for junction in diagram.junctions]
+    again = hbnlp.explore(strong, "omega", (0.3, 4.0), resume=loaded)
+    assert [len(branch) for branch in again.branches] == [len(branch) for branch in diagram.branches]
+    with pytest.raises(ValueError, match=r"displacement|shape|parameters"):
+        hbnlp.Diagram.load(
+            tmp_path / "diagram.npz",
+            problem=hbnlp.HarmonicBalance(hbnlp.systems.tuned_absorber(), tolerance=1e-4),
+        )
+
+
+def test_a_callback_that_stops_it_keeps_what_there_is(strong):
+    def stop(progress):
+        if progress.counts["points"] >= 160:
+            raise hbnlp.StopTracing
+
+    diagram = hbnlp.explore(strong, "omega", (0.3, 4.0), callbacks=[stop])
+    assert len(diagram) == 2
+    assert diagram.branches[1].end is hbnlp.End.INTERRUPTED
+    again = hbnlp.explore(strong, "omega", (0.3, 4.0), resume=diagram)
+    assert again.branches[1].end is hbnlp.End.MET
+
+
+def test_without_stability_intervals_and_marches_say_what_they_need(strong):
+    diagram = hbnlp.explore(strong, "omega", (0.3, 0.6), stability=None, depth=0)
+    with pytest.raises(ValueError, match="stability=Floquet"):
+        diagram.intervals()
+    with pytest.raises(ValueError, match="stability=Floquet"):
+        diagram.march("up")
