@@ -18,6 +18,7 @@ from hbnlp.diagrams.marching import March, march
 from hbnlp.diagrams.meeting import image_of, is_crossed, least_size, place_of
 from hbnlp.diagrams.storing import LAYOUT, branches_of, columns_of
 from hbnlp.diagrams.stretches import Interval, Stretch, intervals_of, stretches_of
+from hbnlp.diagrams.tracing import before_first
 from hbnlp.solutions.identity import meets
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
@@ -153,7 +154,7 @@ class Diagram:
         tol = max(SAME, 3.0 * problem.truncation.tolerance) if problem.truncation is not None else SAME
         motions: list[Motion] = []
         for i, branch in enumerate(self.branches):
-            for solution in branch.at(value):
+            for solution in (*branch.at(value), *self._before_first(i, value)):
                 if all(image_of(solution, known.solution, tol) is None for known in motions):
                     motions.append(
                         Motion(
@@ -164,6 +165,13 @@ class Diagram:
                         )
                     )
         return tuple(motions)
+
+    def _before_first(self, number: int, value: float) -> tuple[Solution, ...]:
+        """Return the motions of a branch that was switched to, between the junction and its first point."""
+        junction = self.origins[number].junction
+        if junction is None:
+            return ()
+        return before_first(self.branches[number], self.junctions[junction].point, value)
 
     def stretches(self) -> tuple[Stretch, ...]:
         """Return the parts of all branches along which stability stays.

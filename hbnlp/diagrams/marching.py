@@ -34,7 +34,7 @@ BEYOND = 1e-3
 PUSH = 1.01
 """By what the motion at the end is multiplied before it is integrated."""
 LANDED = 0.02
-"""A response is a motion of the diagram that differs by less, relative to its size."""
+"""A response is, or tends to, a stable motion of the diagram that differs by less, relative to its size."""
 MOST_LEGS = 1000
 
 
@@ -204,9 +204,7 @@ class _Marcher:
             max_periods=max(self._max_periods, periods),
             throw=False,
         )
-        if not response.periodic:
-            return response, None
-        for each in there:
+        for each in there:  # one that still changes is on its way to the stable motion that it has come so near to
             coefficients = to_real(response.displacement_harmonics(each.solution.n_harmonics * periods))
             seen = dataclasses.replace(each.solution, coefficients=coefficients, periods=periods)
             if image_of(seen, each.solution, LANDED, floor=size) is not None:

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.tracer import Tracer
+from hbnlp.branches.tracing import trace
 from hbnlp.continuation.arclength import PseudoArclength
+from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import End
 from hbnlp.diagrams.meeting import is_crossed, place_of
 from hbnlp.solutions.solution import Solution, attached
@@ -70,6 +72,30 @@ def steps(errand: Errand) -> Generator[Tracer, None, Branch]:
     except Exception as error:  # noqa: BLE001 - of one of many branches, which tells it
         return tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")
     return tracer.branch()
+
+
+def before_first(branch: Branch, origin: SpecialPoint, value: float) -> tuple[Solution, ...]:
+    """Return the motion of a branch at a value between the point where it begins and its own first one, if it is there.
+
+    Raises
+    ------
+    ConvergenceError
+        If the branch cannot be followed back to it.
+    """
+    first = branch.solution(0)
+    here = first.parameters[branch.name]
+    low, high = sorted((origin.value, here))
+    if not low < value < high:
+        return ()
+    back = trace(first, branch.name, (here, value), stability=None)
+    last = back.solution(len(back) - 1)
+    if back.end is not End.SPAN_END:
+        raise ConvergenceError(
+            f"the branch that begins at {branch.name} = {origin.value:.8g} cannot be followed from {here:.8g} back to "
+            f"{value:.8g}: {back.message}",
+            last,
+        )
+    return (last,)
 
 
 def traced(errand: Errand) -> Branch:

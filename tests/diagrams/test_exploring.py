@@ -58,6 +58,16 @@ def test_no_motion_that_a_search_finds_is_missed(strong, diagram, omega):
         assert any(hbnlp.relation(solution, motion.solution, tol=1e-3) is not None for motion in motions)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
+def test_a_motion_between_the_point_where_a_branch_begins_and_its_first_one_is_there(diagram, share):
+    begins, first = diagram.junctions[0].point.value, diagram.branches[1].parameter[0]
+    symmetric, broken = diagram.at(begins + share * (first - begins))
+    assert (symmetric.branch, broken.branch, broken.stable, broken.n_images) == (0, 1, True, 1)
+    # beside a pitchfork what breaks the symmetry grows as the root of the distance
+    mean = [abs(motion.harmonics("x")[0]) for motion in (broken.solution, diagram.branches[1].solution(0))]
+    assert mean[0] == pytest.approx(mean[1] * share**0.5, rel=0.02)
+
+
 def test_stability_of_the_motions_is_that_of_their_multipliers(diagram):
     by_branch = {motion.branch: motion for motion in diagram.at(0.9)}
     assert not by_branch[0].stable
@@ -135,6 +145,12 @@ def test_motions_that_begin_at_rest(parametron):
     assert [len(junction.branches) for junction in diagram.junctions] == [2] * 4
     up = diagram.march("up")
     assert [leg.next for leg in up.legs] == [Next.SOFT, Next.FALL, Next.SOFT, Next.END]
+    down = diagram.march("down")
+    assert [leg.next for leg in down.legs] == [Next.FALL, Next.SOFT, Next.FALL, Next.SOFT, Next.END]
+    # from rest, at the upper end of its tongue, to the motion that begins at the lower end
+    lower, upper = (junction.point.value for junction in diagram.junctions[:2])
+    assert [leg.leaves for leg in down.legs[2:4]] == pytest.approx([upper, lower])
+    assert down.legs[3].stretch.branch == 1
 
 
 def test_a_diagram_comes_back_from_its_file(tmp_path, strong, diagram):
