@@ -262,7 +262,7 @@ def _fold(
     if turn is not None and (near(guess, turn, BESIDE) or near(after.y, turn, THERE) or near(before.y, turn, THERE)):
         return None
     x, values = curve.unknowns.coefficients(guess), curve.values(guess)
-    found = fold_by_newton(problem, x, values, name, Newton(), along, odd=curve.odd)
+    found = fold_by_newton(problem, x, values, name, Newton(), along, kind=type(curve))
     y = curve.unknowns.joined(found.x, [found.value])
     located = found.converged and near(y, guess, 1.0)
     ratio, part = _kernel(curve, y if located else guess)
@@ -272,7 +272,7 @@ def _fold(
         return _unrefined(curve, Kind.FOLD, before, after, index)
     assert found.null is not None
     x, values, null = found.x, curve.values(y), found.null
-    left = left_null_vector(problem, x, values, name, null, odd=curve.odd)
+    left = left_null_vector(problem, x, values, name, null, kind=type(curve))
     return SpecialPoint(
         kind=Kind.FOLD,
         name=name,

@@ -68,10 +68,10 @@ def fold_by_newton(
     newton: Newton,
     null: Array | None = None,
     *,
-    odd: bool = False,
+    kind: type[Equations] = Equations,
 ) -> LocatedFold:
-    """Return the fold near a point, or that of odd motions; ``null`` is a guess of v."""
-    curve = along_folds(problem, x, values, name, odd=odd)
+    """Return the fold near a point of a curve of this kind; ``null`` is a guess of v."""
+    curve = along_folds(problem, x, values, name, kind=kind)
     if null is None:
         null = null_vector(problem.assembly.jacobian(x, values))
     here = values[problem.system.parameters.index(name)]
@@ -151,14 +151,14 @@ def fold_by_program(
 
 
 def left_null_vector(
-    problem: HarmonicBalance, x: Array, values: Array, name: str, null: Array, *, odd: bool = False
+    problem: HarmonicBalance, x: Array, values: Array, name: str, null: Array, *, kind: type[Equations] = Equations
 ) -> Array:
     """Return w with w.R_x = 0 at a fold with null vector v, scaled to w.R_lambda = 1.
 
     It solves the transpose of the system [R_x, R_lambda; v, 0], which is regular at a fold. Where the kernel has
     several dimensions it is singular, and w the smallest solution.
     """
-    curve = along_parameter(problem, values, name, odd=odd)
+    curve = along_parameter(problem, values, name, kind=kind)
     y = curve.unknowns.joined(x, [values[problem.system.parameters.index(name)]])
     seen = Along(curve)
     matrix = np.zeros((seen.size + 1, seen.size + 1))

@@ -20,6 +20,7 @@ from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.columns import check_numbers
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.odd import is_odd_throughout
+from hbnlp.solutions.odd_equations import OddEquations
 from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, attached, guess_for
 from hbnlp.solutions.solving import solve
@@ -133,8 +134,8 @@ def _first(
     floor = _smallest_solution(problem, values, name, span, x)
     n_dof, length = problem.shape
     size = n_dof * (length if problem.truncation is None else max(length, n_coefficients(MANY)))
-    odd = size >= LARGE and is_odd_throughout(problem, x, values, name, span)
-    curve = along_parameter(problem, values, name, span=span, floor=floor, odd=odd)
+    kind = OddEquations if size >= LARGE and is_odd_throughout(problem, x, values, name, span) else Equations
+    curve = along_parameter(problem, values, name, span=span, floor=floor, kind=kind)
     return curve, curve.point(x.reshape(problem.shape), here)
 
 

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.assembly import Terms
-from hbnlp.balance.odd import even_positions
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.curve import TINY, Parts
-from hbnlp.core.types import Array, IntArray
+from hbnlp.core.types import Array
 from hbnlp.fourier import resize
 from hbnlp.solutions.conditions import At, Condition, NullVector
 from hbnlp.solutions.sizes import sizes_at
@@ -37,8 +36,6 @@ class Equations:
         Size of the coefficients below which their changes are not measured relative to them.
     condition : Condition, optional
         Needed where there are several free scalars.
-    odd : bool
-        Whether the solutions are all odd motions: even harmonics are zero, and what they leave in these.
 
     Attributes
     ----------
@@ -46,7 +43,9 @@ class Equations:
         Number of equations, one less than that of the unknowns.
     unknowns : Unknowns
     terms : Terms
-        Residual and slopes of the balance, on odd motions alone where all solutions are such.
+        Residual and slopes of the balance.
+    parts : Parts or None
+        None: the solutions have no symmetry that would leave parts.
     """
 
     def __init__(
@@ -57,10 +56,10 @@ class Equations:
         *,
         floor: float = TINY,
         condition: Condition | None = None,
-        odd: bool = False,
     ) -> None:
-        self.problem, self.condition, self.odd = problem, condition, odd
-        self.terms: Terms = problem.odd_assembly if odd and condition is None else problem.assembly
+        self.problem, self.condition = problem, condition
+        self.terms: Terms = problem.assembly
+        self.parts: Parts | None = None
         n_added = condition.n_added(problem.size) if condition is not None else 0
         n_rows = condition.n_rows(problem.size) if condition is not None else 0
         self.unknowns = Unknowns(problem.size, n_added, free, floor)
@@ -70,32 +69,16 @@ class Equations:
         index = problem.system.parameters.index
         self._indices = tuple(None if scalar.name is None else index(scalar.name) for scalar in free)
         self._values = values.copy()
-        if odd:
-            self._along, self._across = self._odd_and_even(n_added)
 
     def on(self, problem: HarmonicBalance) -> Equations:
         """Return the same equations of another balance of the system: with more samples, or other harmonics."""
-        unknowns = self.unknowns
-        return Equations(
-            problem, self._values, unknowns.free, floor=unknowns.floor, condition=self.condition, odd=self.odd
-        )
+        unknowns, kind = self.unknowns, type(self)
+        return kind(problem, self._values, unknowns.free, floor=unknowns.floor, condition=self.condition)
 
     def resampled(self, y: Array) -> Equations | None:
         """Return the same equations with twice the samples of the force where these do not suffice at a point."""
         suffice = self.problem.samples_suffice(self.unknowns.coefficients(y), self.values(y))
         return None if suffice else self.on(self.problem.oversampled())
-
-    @property
-    def parts(self) -> Parts | None:
-        """Odd harmonics vary along a curve of odd motions, even ones across; None where it is one of any motions."""
-        return Parts(self._along, self._across, self._blocks) if self.odd else None
-
-    def _odd_and_even(self, n_added: int) -> tuple[IntArray, IntArray]:
-        is_even = np.zeros(self.problem.shape, dtype=bool)
-        is_even[:, even_positions(self.problem.n_harmonics)] = True
-        kinds = [is_even.ravel()] * (1 + (n_added > 0))  # a null vector has the harmonics of the motion
-        across = self.unknowns.joined(kinds[0], np.zeros(len(self._indices)), kinds[-1] if n_added else ()).astype(bool)
-        return np.flatnonzero(~across), np.flatnonzero(across)
 
     # -- the parts of a point ---------------------------------------------------------------------------------------
 
@@ -127,7 +110,7 @@ class Equations:
     def point(self, coefficients: ArrayLike, last: float) -> Array:
         """Return the unknowns of a solution, coefficients of any number of harmonics, at a value of its free scalar."""
         assert self.condition is None
-        return self._without_even(self.unknowns.joined(self.problem.vector(coefficients), [last]))
+        return self.unknowns.joined(self.problem.vector(coefficients), [last])
 
     def carried_from(self, other: Equations, y: Array) -> Array:
         """Return a point or direction of other equations with these ones' harmonics: zeros added, or the rest cut."""
@@ -143,43 +126,17 @@ class Equations:
         """Return R(y), (size,)."""
         at = self._at(y)
         balance = self.terms.residual(at.x, at.values, at.load)
-        if self.condition is None:
-            return balance
-        return self._without_even(np.concatenate([balance, self.condition.residual(at)]))
+        return balance if self.condition is None else np.concatenate([balance, self.condition.residual(at)])
 
     def jacobian(self, y: Array, out: Array) -> None:
         """Write dR/dy into an array (size, size + 1) of zeros."""
         at, n = self._at(y), self.problem.size
         at.assembly.jacobian(at.x, at.values, out[:n, :n])
         for column, index in enumerate(self._indices, start=y.size - len(self._indices)):
-            out[:n, column] = self._by_scalar(at, index)
+            out[:n, column] = by_scalar(self.terms, at, index)
         if self.condition is not None:
             by_x, by_added, by_scalars = np.split(out[n:], [n, n + self.unknowns.n_added], axis=1)
             self.condition.jacobian(at, out[:n, :n], by_x, by_added, by_scalars, self._indices)
-
-    def _without_even(self, y: Array) -> Array:
-        """Return a point or residual, its even harmonics zero on a curve of odd motions; it is overwritten."""
-        if self.odd:
-            y[self._across] = 0.0
-        return y
-
-    def _blocks(self, y: Array, out: Array) -> Array:
-        """Return the block of even harmonics, and write that of odd ones with the scalars' columns; see `Parts`."""
-        if self.condition is not None:
-            whole = np.zeros((self.size, self.size + 1))
-            self.jacobian(y, whole)
-            out[:] = whole[np.ix_(self._along[:-1], self._along)]
-            return whole[np.ix_(self._across, self._across)]
-        at = self._at(y)
-        count = out.shape[0]
-        out[:, count] = self._by_scalar(at, self._indices[0])[self._along[:-1]]
-        return self.problem.odd_assembly.blocks(at.x, at.values, out[:, :count])
-
-    def _by_scalar(self, at: At, index: int | None) -> Array:
-        """Return the derivative of the balance by a free scalar, a parameter or the factor on the excitation."""
-        if index is None:
-            return self.terms.load_derivative(at.values)
-        return self.terms.parameter_derivative(at.x, at.values, index, at.load)
 
     def scale(self, y: Array) -> Array:
         """Return the sizes (size + 1,) by which changes of y are measured."""
@@ -196,6 +153,13 @@ class Equations:
         return At(self.problem.assembly, self.unknowns.coefficients(y), self.values(y), load, self.unknowns.added(y))
 
 
+def by_scalar(terms: Terms, at: At, index: int | None) -> Array:
+    """Return the derivative of a balance by a free scalar, a parameter or the factor on the excitation (None)."""
+    if index is None:
+        return terms.load_derivative(at.values)
+    return terms.parameter_derivative(at.x, at.values, index, at.load)
+
+
 def settled(curve: Equations, y: Array) -> Equations:
     """Return the same equations with as many samples of the force as suffice at a point."""
     return curve.on(curve.problem.with_enough_samples(curve.unknowns.coefficients(y), curve.values(y)))
@@ -208,16 +172,16 @@ def along_parameter(
     *,
     span: tuple[float, float] | None = None,
     floor: float = TINY,
-    odd: bool = False,
+    kind: type[Equations] = Equations,
 ) -> Equations:
-    """Return the solutions against a parameter, or the odd ones of them.
+    """Return the solutions against a parameter; ``kind`` are their equations.
 
     Its changes are measured relative to itself, or to a hundredth of the span where it is smaller; without a span, to
     the value given.
     """
     here = float(values[problem.system.parameters.index(name)])
     least = 0.01 * abs(span[1] - span[0]) if span is not None else abs(here) or 1.0
-    return Equations(problem, values, (Free(name, least),), floor=floor, odd=odd)
+    return kind(problem, values, (Free(name, least),), floor=floor)
 
 
 def along_load(problem: HarmonicBalance, values: Array, *, floor: float = TINY) -> Equations:
@@ -233,9 +197,9 @@ def along_folds(
     second: str | None = None,
     *,
     spans: Sequence[tuple[float, float]] = (),
-    odd: bool = False,
+    kind: type[Equations] = Equations,
 ) -> Equations:
-    """Return the folds in two parameters near (x, values), with their null vectors; or those of odd motions.
+    """Return the folds in two parameters near (x, values), with their null vectors; ``kind`` are their equations.
 
     By default the second is the factor on the load. Changes of a parameter are measured relative to itself, or to a
     thousandth of the value given where it is smaller; of one whose value is zero, to a hundredth of its span.
@@ -248,4 +212,4 @@ def along_folds(
     ]
     if second is None:
         free.append(Free(None, 0.1))
-    return Equations(problem, values, tuple(free), condition=NullVector(*sizes_at(problem, x, values)), odd=odd)
+    return kind(problem, values, tuple(free), condition=NullVector(*sizes_at(problem, x, values)))

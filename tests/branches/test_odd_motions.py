@@ -9,8 +9,9 @@ from hbnlp.balance.odd import even_positions
 from hbnlp.branches import starting
 from hbnlp.continuation.curve import Bordered, InParts
 from hbnlp.core.kinds import Kind
-from hbnlp.solutions.equations import along_parameter
+from hbnlp.solutions.equations import Equations, along_parameter
 from hbnlp.solutions.odd import is_odd_throughout
+from hbnlp.solutions.odd_equations import OddEquations
 from hbnlp.systems import chain, duffing
 
 
@@ -116,7 +117,7 @@ def test_equations_without_the_symmetry_and_motions_without_it_have_all_harmonic
 def test_factors_in_parts_are_those_of_the_whole():
     problem = hbnlp.HarmonicBalance(chain(3), 6)
     values, rng = problem.values({"omega": 1.1}), np.random.default_rng(2)
-    whole, odd = (along_parameter(problem, values, "omega", odd=each) for each in (False, True))
+    whole, odd = (along_parameter(problem, values, "omega", kind=each) for each in (Equations, OddEquations))
     y = odd.point(rng.standard_normal(problem.shape), 1.1)
     row = np.zeros(y.size)
     row[odd.parts.along] = rng.standard_normal(odd.parts.along.size)
