@@ -73,6 +73,7 @@ LEFT_OUT = {
 HARMLESS = {
     *(
         "max_iterations",
+        "depth",
         "max_points",
         "max_periods",
         "most_poles",
@@ -87,7 +88,7 @@ HARMLESS = {
 """Numbers that may be as large as anyone likes: where an end comes earlier, or would be waited for."""
 
 RESULTS = {
-    *("Branch", "End", "FloquetResult", "FoldBranch", "FoldEvent", "Kind", "Progress", "ProgressBar"),
+    *("Branch", "Diagram", "End", "FloquetResult", "FoldBranch", "FoldEvent", "Kind", "Progress", "ProgressBar"),
     *("Solution", "SolutionSet", "SpecialPoint", "Status", "Sweep", "TimeResponse", "TimeSweep", "Optimum", "Response"),
     *("Identified", "RationalFit", "Realisation", "History", "LinearResponse", "Snapshot", "StepResponse", "Structure"),
 }
@@ -98,7 +99,7 @@ INNER = {
     *("Adaptive.propagator", "RungeKutta4.propagator", "Rootfinder.solver", "HarmonicBalance.samples_suffice"),
     *("HarmonicBalance.aliasing", "HarmonicBalance.carrying", "HarmonicBalance.check_doubling"),
     *("HarmonicBalance.corner", "HarmonicBalance.over_twice_the_period"),
-    "HarmonicBalance.with_enough_samples",
+    *("HarmonicBalance.with_enough_samples", "Branch.of_parts"),
     *("System.state_matrices", "Solution.with_coefficients", "Solution.image", "Tracer.branch"),
     *("HarmonicBalance.output_harmonics", "aero.Provenance.warn_outside_band", "dns.History.of", "dns.Snapshot.of"),
     *("dns.Grid.cell", "dns.Grid.check_inside", "dns.Grid.nodes", "dns.Simulation.restore"),
@@ -204,6 +205,7 @@ def world():
     w.found = hbnlp.find_all(w.problem, at={"omega": 0.8}, method=hbnlp.Search(n_starts=0, largest_load=0.0))
     w.branch = hbnlp.trace(w.problem, "omega", (0.9, 1.4), stability=None)
     w.fold = w.branch.folds[0]
+    w.diagram = hbnlp.explore(w.problem, "omega", (0.9, 1.4), depth=0)
     w.curve = hbnlp.follow(w.fold, "force", span=(0.17, 0.19))
     w.sweep = hbnlp.sweep(w.problem, "omega", [0.7, 0.8])
     w.time_sweep = hbnlp.sweep(w.system, "omega", [0.7, 0.71], periodic_tol=1e-3)
@@ -263,6 +265,11 @@ def examples():
         "Autosave": {"path": "branch.npz", "seconds": 1.0},
         "Branch.at": {"self": w.branch, "value": 1.2},
         "Branch.of_kind": {"self": w.branch, "kind": "fold"},
+        "Diagram.at": {"self": w.diagram, "value": 1.2},
+        "Diagram.load": {"path": "no such file", "problem": None},
+        "Diagram.march": {"self": w.diagram, "way": "up", "begin": 0.9, "integrated": False, "max_periods": 2000},
+        "Diagram.plot": {"self": w.diagram, "output": "x", "ax": None, "harmonic": 1},
+        "Diagram.save": {"self": w.diagram, "path": "no such folder/file"},
         "Floquet": {"tol": 1e-6, "nodes": 8, "intervals": 8, "max_intervals": 64},
         "FoldBranch.of_kind": {"self": w.curve, "kind": "cusp"},
         "FoldBranch.plot": {"self": w.curve, "ax": None},
@@ -327,6 +334,12 @@ def examples():
             "resume": None,
         },
         "eigenvalues": {"system": w.system, "at": None, "rest": None},
+        "explore": {
+            "problem": w.problem, "name": "omega", "span": (0.7, 0.71), "at": {"force": 0.18},
+            "start": w.sweep.solution(0), "depth": 0, "max_points": 20, "search_at": None,
+            "search": hbnlp.Search(n_starts=0, largest_load=0.0),
+            "stability": None, "method": None, "executor": None, "callbacks": (), "resume": None,
+        },
         "find_all": {
             "problem": w.problem, "at": point, "method": hbnlp.Search(n_starts=0, largest_load=0.0), "rng": None,
             "known": (), "callbacks": (),
@@ -454,6 +467,10 @@ def examples():
         "plot.plot_branch": {
             "branch": w.branch, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
             "special": True, "label": None, "color": None,
+        },
+        "plot.plot_diagram": {
+            "diagram": w.diagram, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
+            "special": True,
         },
         "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None},
         "plot.plot_lift_response": {"response": w.lifts, "ax": None},

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import deque
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping
 from concurrent.futures import Executor, Future
 
 import numpy as np
@@ -21,7 +21,7 @@ from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracer import DEFAULT_STABILITY, Tracer
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import counted, instance_of, list_of_callables, whole_number
+from hbnlp.core.checks import counted, instance_of, list_of_callables, refused, whole_number
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End
@@ -59,7 +59,7 @@ def explore(
     start: Solution | ArrayLike | None = None,
     depth: int = 1,
     max_points: int = 20_000,
-    search_at: Sequence[float] = (),
+    search_at: ArrayLike | None = None,
     search: Search | None = None,
     stability: Floquet | None = DEFAULT_STABILITY,
     method: PseudoArclength | None = None,
@@ -84,7 +84,7 @@ def explore(
         How many times to switch at a branch point or period doubling on the way to a branch; 0: one branch alone.
     max_points : int
         Points of all branches together after which no other one is begun; what is left then is listed.
-    search_at : sequence of float
+    search_at : array (k,), optional
         Values of the parameter at which all solutions are searched for: of those on no branch so far the branches are
         traced as well, isolas among them.
     search : Search, optional
@@ -122,7 +122,12 @@ def explore(
     whole_number("depth", depth, least=0)
     whole_number("max_points", max_points, least=2)
     span = problem.system.parameters.span(name, span)
-    values = problem.system.parameters.series(name, search_at) if len(search_at) else np.zeros(0)
+    parameters = problem.system.parameters
+    values = np.zeros(0) if search_at is None else parameters.series(name, search_at, what="search_at")
+    low, high = sorted(span)
+    if not np.all((low <= values) & (values <= high)):
+        raise refused(ValueError, "search_at", search_at, f"values of {name} within the span {span}")
+    parameters.values(at, but=parameters.names)  # what is wrong with them is said here
     first = _first(problem, name, span, at, start)
     explorer = _Explorer(
         problem,
@@ -150,7 +155,7 @@ def _first(
     at: Mapping[str, float] | None,
     start: Solution | ArrayLike | None,
 ) -> Solution:
-    if isinstance(start, Solution) and start.problem is not None and not at:
+    if isinstance(start, Solution) and start.problem is not None and at is None:
         return start
     own = start.parameters if isinstance(start, Solution) else {}
     return solve(problem, at={name: span[0], **own, **(at or {})}, start=start)
@@ -227,6 +232,8 @@ class _Explorer:
         """Trace what crosses the branches from one number on, and what crosses that, to the depth asked for."""
         for _ in range(self._depth):
             end = len(self._branches)
+            if end == begin:
+                return
             errands = self._errands(begin, end)
             if self._executor is None:
                 for origin, errand in errands:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.core.checks import counted, refused
+from hbnlp.core.checks import counted, flag, real_number, refused, whole_number
 from hbnlp.core.kinds import Kind
 from hbnlp.diagrams.meeting import image_of, least_size
 from hbnlp.diagrams.stretches import Stretch
@@ -105,8 +105,12 @@ class March:
 
 def march(diagram: Diagram, way: str, *, begin: float | None, integrated: bool, max_periods: int) -> March:
     """Return where a slow march through a diagram goes; see `Diagram.march`."""
-    if way not in ("up", "down"):
+    if not isinstance(way, str) or way not in ("up", "down"):
         raise refused(ValueError, "way", way, "'up' or 'down'")
+    flag("integrated", integrated)
+    whole_number("max_periods", max_periods, least=1)
+    if begin is not None:
+        begin = real_number("begin", begin)
     return _Marcher(diagram, 1.0 if way == "up" else -1.0, integrated, max_periods).march(way, begin)
 
 

@@ -123,7 +123,7 @@ class ParameterSet:
         self.index(name)
         numbers = finite_numbers(what, values)
         if name == OMEGA:
-            check_period(float(numbers.min()), "values of omega reach")
+            check_period(float(numbers.min()), f"{what} of omega reach")
         return numbers
 
     def span(self, name: str, span: Any, *, what: str = "span") -> tuple[float, float]:

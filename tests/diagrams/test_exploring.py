@@ -1,6 +1,6 @@
 """Diagrams: no branch twice, the points where branches meet, all motions at a value, intervals, marches, files."""
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
@@ -120,9 +120,11 @@ def test_no_branch_of_a_chain_is_traced_twice():
             assert all(hbnlp.relation(motion, middle, tol=1e-4) is None for motion in there)
 
 
-def test_it_is_the_same_with_an_executor(strong, diagram):
-    with ThreadPoolExecutor(2) as executor:
+@pytest.mark.parametrize("kind", [ThreadPoolExecutor, ProcessPoolExecutor])
+def test_it_is_the_same_with_an_executor(strong, diagram, kind):
+    with kind(2) as executor:
         other = hbnlp.explore(strong, "omega", (0.3, 4.0), executor=executor)
+    assert other.origins == diagram.origins
     for a, b in zip(diagram.branches, other.branches, strict=True):
         assert np.allclose(a.coefficients, b.coefficients, rtol=0.0, atol=1e-9)
 
