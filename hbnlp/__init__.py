@@ -22,6 +22,7 @@ from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Autosave, Progress, ProgressBar, StopTracing
 from hbnlp.core.errors import (
     AliasingWarning,
+    CallbackError,
     ConvergenceError,
     CornerError,
     HbnlpError,
@@ -71,6 +72,7 @@ __all__ = [
     "AliasingWarning",
     "Autosave",
     "Branch",
+    "CallbackError",
     "ConvergenceError",
     "CornerError",
     "Diagram",
