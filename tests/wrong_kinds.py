@@ -52,6 +52,7 @@ RIGHT_FOR = {
     "Mapping": set(),
     "Callable": {"function", "class"},
     "Callback": {"function", "class"},
+    "EventFunction": {"function", "class"},
     "MX": {"symbol"},
     "Provenance": {"another record"},
     "Modal": {"function", "class"},
@@ -326,19 +327,20 @@ def examples():
         "TimeResponse.signal": {"self": w.response, "output": "x"},
         "Tracer": {
             "subject": w.problem, "name": "omega", "span": (0.7, 0.8), "at": {"force": 0.18},
-            "start": w.sweep.solution(0), "direction": 1, "stability": None, "method": None, "resume": None,
+            "start": w.sweep.solution(0), "direction": 1, "stability": None, "method": None, "events": None,
+            "resume": None,
         },
         "trace": {
             "subject": w.problem, "name": "omega", "span": (0.7, 0.71), "at": {"force": 0.18},
-            "start": w.sweep.solution(0), "direction": 1, "stability": None, "method": None, "callbacks": (),
-            "resume": None,
+            "start": w.sweep.solution(0), "direction": 1, "stability": None, "method": None, "events": None,
+            "callbacks": (), "resume": None,
         },
         "eigenvalues": {"system": w.system, "at": None, "rest": None},
         "explore": {
             "problem": w.problem, "name": "omega", "span": (0.7, 0.71), "at": {"force": 0.18},
             "start": w.sweep.solution(0), "depth": 0, "max_points": 20, "search_at": None,
             "search": hbnlp.Search(n_starts=0, largest_load=0.0),
-            "stability": None, "method": None, "executor": None, "callbacks": (), "resume": None,
+            "stability": None, "method": None, "events": None, "executor": None, "callbacks": (), "resume": None,
         },
         "find_all": {
             "problem": w.problem, "at": point, "method": hbnlp.Search(n_starts=0, largest_load=0.0), "rng": None,
@@ -346,8 +348,8 @@ def examples():
         },
         "floquet": {"solution": w.solution, "method": None},
         "follow": {
-            "point": w.fold, "name": "force", "span": (0.179, 0.181), "limits": (1.0, 1.5), "method": None,
-            "callbacks": (),
+            "point": w.fold, "name": "force", "span": (0.179, 0.181), "limits": (1.0, 1.5), "event": None,
+            "method": None, "callbacks": (),
         },
         "integrate": {
             "system": w.system, "at": point, "method": hbnlp.RungeKutta4(), "start": None, "periods": 1,

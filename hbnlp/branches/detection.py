@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from hbnlp.branches.critical import with_multiplier
+from hbnlp.branches.events import Events
 from hbnlp.branches.floquet_points import bifurcation_function, critical_multiplier, crossings, samples_at
 from hbnlp.branches.folds import fold_by_newton, fold_sensitivity, left_null_vector
 from hbnlp.branches.forecast import Spectrum, hidden_crossing
@@ -20,6 +21,7 @@ from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import Kind
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.solutions.equations import Equations
+from hbnlp.solutions.events import Event
 from hbnlp.solutions.identity import broken_in
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import FloquetResult
@@ -48,10 +50,13 @@ class Detector:
     evaluator : FloquetEvaluator or None
         None: stability is off, and what only multipliers show is not found.
     newton : Newton
+    events : sequence of Event
+        What the user looks for.
     """
 
-    def __init__(self, evaluator: FloquetEvaluator | None, newton: Newton) -> None:
+    def __init__(self, evaluator: FloquetEvaluator | None, newton: Newton, events: Sequence[Event] = ()) -> None:
         self._evaluator, self._newton = evaluator, newton
+        self._events = Events(events, newton) if events else None
         self._known: list[tuple[Point, FloquetResult]] = []
         self._earlier: Spectrum | None = None
         self._crossing: BranchPoint | None = None
@@ -100,6 +105,8 @@ class Detector:
                 which = kinds[:number].count(kind)
                 point = self._bifurcation(curve, kind, before, after, index, evaluator, which)
                 found += [point] if point is not None else []
+        if self._events is not None:
+            found += self._events.between(curve, before, after, index)
         return tuple(found)
 
     def _by_tangent_and_determinant(
@@ -134,6 +141,8 @@ class Detector:
         """Return whether a point, and another in its place on a curve, are on the same side of all special points."""
         turned = known.tangent[-1] * other.tangent[-1] < 0.0
         if turned or known.orientation != other.orientation or known.across[0] != other.across[0]:
+            return False
+        if self._events is not None and not self._events.alike(known, curve, other):
             return False
         if self._evaluator is None:
             return True

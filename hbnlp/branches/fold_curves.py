@@ -1,4 +1,4 @@
-"""Curves of folds in two parameters with their cusps, isola births and merges: data, summary, one portable file."""
+"""Curves of folds, or events, in two parameters with their cusps, isola births and merges: data, one portable file."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from hbnlp.core.layout import (
     Column,
     Layout,
     counted_from_one,
+    maybe,
     name_in,
     number,
     numbers_by_name,
@@ -53,10 +54,15 @@ _LAYOUT = Layout(
         "parameters": numbers_by_name,
         "output_names": texts,
         "periods": counted_from_one,
+        "event": maybe(text),
         "events": table(kind=name_in(FoldEvent), first=number, second=number),
     },
     lengths={"events": "events"},
-    defaults={"output_names": (), "periods": 1},  # earlier files do not say which, those of version 0.1 how many
+    defaults={
+        "output_names": (),
+        "periods": 1,
+        "event": None,
+    },  # earlier files do not say which, those of version 0.1 how many
 )
 FIRST_SPAN, SECOND_SPAN = "end of the first span", "end of the second span"
 _COMPLETE = (FIRST_SPAN, SECOND_SPAN, Stop.CLOSED.value)
@@ -79,7 +85,7 @@ class FoldCurvePoint:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FoldBranch(ReadOnlyArrays):
-    """Folds in the plane of two parameters, in order along the curve.
+    """Folds, or one event of the user, in the plane of two parameters, in order along the curve.
 
     Attributes
     ----------
@@ -104,6 +110,8 @@ class FoldBranch(ReadOnlyArrays):
         Those of the system; empty in a curve from a file that an earlier version wrote.
     periods : int
         Length of the motions in forcing periods.
+    event : str or None
+        The name of the event whose curve it is; None for folds.
     problem : HarmonicBalance or None
         None for a curve loaded from a file without one.
     """
@@ -119,6 +127,7 @@ class FoldBranch(ReadOnlyArrays):
     parameters: Mapping[str, float]
     output_names: tuple[str, ...] = ()
     periods: int = 1
+    event: str | None = None
     problem: HarmonicBalance | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
@@ -229,7 +238,8 @@ class FoldBranch(ReadOnlyArrays):
             return f"[{values.min():.6g}, {values.max():.6g}]"
 
         events = ", ".join(f"{e.kind.value} at ({e.first:.8g}, {e.second:.8g})" for e in self.events) or "none"
+        points = "folds" if self.event is None else f"events {self.event!r}"
         return (
-            f"FoldBranch: {len(self)} folds, {self.names[0]} in {extent(self.first)}, {self.names[1]} in "
+            f"FoldBranch: {len(self)} {points}, {self.names[0]} in {extent(self.first)}, {self.names[1]} in "
             f"{extent(self.second)}\n  events: {events}\n  ends: {self.ends[0]}; {self.ends[1]}"
         )

@@ -1,8 +1,9 @@
-"""Following a fold in two parameters, and where the response changes its shape on the way."""
+"""Following a fold or an event in two parameters, and where the response changes its shape on the way."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.fold_curves import FIRST_SPAN, SECOND_SPAN, FoldBranch, FoldCurvePoint
-from hbnlp.branches.resolution import Resolution, beside_fold
+from hbnlp.branches.resolution import Resolution, beside_event, beside_fold
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.starting import Start
 from hbnlp.continuation.arclength import PseudoArclength, Stop
@@ -31,7 +32,9 @@ from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.fourier import resize
 from hbnlp.solutions.columns import not_met
-from hbnlp.solutions.equations import Equations, along_folds, along_parameter, settled
+from hbnlp.solutions.conditions import NullVector
+from hbnlp.solutions.equations import Equations, along_event, along_folds, along_parameter, settled
+from hbnlp.solutions.events import EXPECTED, Event, EventFunction
 from hbnlp.solutions.ipopt import FreeParameters
 from hbnlp.solutions.solution import attached
 from hbnlp.systems.parameters import ParameterSet
@@ -50,23 +53,26 @@ def follow(
     *,
     span: tuple[float, float] | None = None,
     limits: tuple[float, float] | None = None,
+    event: EventFunction | None = None,
     method: PseudoArclength | None = None,
     callbacks: Callbacks = (),
 ) -> FoldBranch:
-    """Follow a fold as a second parameter varies, both ways.
+    """Follow a fold, or an event of the user, as a second parameter varies, both ways.
 
     With a tolerance each fold has as many harmonics as its place in the plane of the two parameters asks for.
 
     Parameters
     ----------
     point : SpecialPoint
-        A fold, as `hbnlp.trace` finds it; it knows its problem and its own parameter.
+        A fold or an event, as `hbnlp.trace` finds it; it knows its problem and its own parameter.
     name : str
         The second parameter.
     span : (float, float), optional
         Where to stop in the second parameter; by default a tenth and ten times its value at the fold.
     limits : (float, float), optional
-        Where to stop in the fold's own parameter; by default a tenth and ten times its value.
+        Where to stop in the point's own parameter; by default a tenth and ten times its value.
+    event : callable, optional
+        The function of an event from a file or another process, which hold its name alone.
     method : PseudoArclength, optional
     callbacks : sequence of callables
         Called after each fold with a `Progress`; one that raises `StopTracing` ends the curve, as Ctrl-C does: with all
@@ -75,38 +81,50 @@ def follow(
     Returns
     -------
     FoldBranch
-        ``ends`` says why it ended, on either side.
+        ``ends`` says why it ended, on either side; ``event`` is the name of the event that it is of.
 
     Raises
     ------
     ConvergenceError
-        If the fold does not converge in this problem.
+        If the point does not converge in this problem.
     ValueError, KeyError
-        For another special point or one without its problem, spans that do not hold the fold, or a parameter that is
-        unknown or the fold's own.
+        For another special point or one without its problem, an event without its function, spans that do not hold the
+        point, or a parameter that is unknown or the point's own.
     TypeError
         For a point, method or callbacks of another kind.
     """
     instance_of("point", point, SpecialPoint, "one fold, such as branch.folds[0]")
     instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
     list_of_callables("callbacks", callbacks)
-    if point.kind is not Kind.FOLD:
-        raise ValueError(f"point is a {point.kind.value}; a fold is needed, one of branch.folds")
+    instance_of("event", event, Callable | None, EXPECTED)
+    if point.kind not in (Kind.FOLD, Kind.EVENT):
+        raise ValueError(
+            f"point is a {point.kind.value}; a fold or an event is needed, one of branch.folds or "
+            "branch.of_kind('event')"
+        )
+    if event is not None:
+        if point.event is None:
+            raise ValueError(f"event is {event!r}, and point a {point.kind.value}, which has no function; leave it out")
+        point = dataclasses.replace(point, event=Event(point.event.name, event))
     problem = attached(point, "load its branch with problem=...")
     own, index = point.name, problem.system.parameters.index
     index(name)
     if own == name:
-        raise ValueError(f"name is {name!r}, the fold's own parameter; give another one")
+        raise ValueError(f"name is {name!r}, the {point.kind.value}'s own parameter; give another one")
     values = problem.values(point.solution.parameters)
     place = (float(values[index(own)]), float(values[index(name)]))
     spans = [
-        _span_around(what, given, value, each, problem.system.parameters)
+        _span_around(what, given, value, each, point, problem.system.parameters)
         for what, given, value, each in zip(("limits", "span"), (limits, span), place, (own, name), strict=True)
     ]
     x = problem.vector(point.solution.coefficients)
-    curve, y = _fold_on_its_curve(along_folds(problem, x, values, own, name, spans=spans), point, place)
+    if point.event is not None:
+        equations, view = along_event(problem, x, values, point.event, (own, name), spans=spans), beside_event
+    else:
+        equations, view = along_folds(problem, x, values, own, name, spans=spans), beside_fold
+    curve, y = _on_its_curve(equations, point, place)
     options = method or PseudoArclength(angle=5.0, max_points=3000)
-    resolution = Resolution(problem, options, beside_fold) if problem.truncation is not None else None
+    resolution = Resolution(problem, options, view) if problem.truncation is not None else None
     first = start_point(curve, y, curve.unknowns.fixing_last())
     if resolution is not None:
         curve, first, *_ = resolution.start(Start(curve, first, first), spans[1])
@@ -129,39 +147,51 @@ def follow(
             ends=(_end(back, ending, problem), _end(ahead, ending, problem)),
             parameters=others,
             output_names=problem.system.output_names,
+            event=point.event.name if point.event is not None else None,
             periods=problem.periods,
             problem=problem,
         )
 
     work = _both_ways(back, ahead, first, spans, options, resolution)
-    return drive(f"following a fold in {own} and {name}", work, result, name=name, callbacks=callbacks)
+    return drive(f"following a {point.kind.value} in {own} and {name}", work, result, name=name, callbacks=callbacks)
 
 
-def _fold_on_its_curve(curve: Equations, fold: SpecialPoint, place: tuple[float, float]) -> tuple[Equations, Array]:
-    """Return the fold as a point of the curve of folds, which has as many samples of the force as it takes."""
+def _on_its_curve(curve: Equations, point: SpecialPoint, place: tuple[float, float]) -> tuple[Equations, Array]:
+    """Return a fold or event as a point of its curve, which has as many samples of the force as it takes."""
     problem = curve.problem
-    x, values = problem.vector(fold.solution.coefficients), problem.values(fold.solution.parameters)
-    null = null_vector(problem.assembly.jacobian(x, values)) if fold.null is None else problem.vector(fold.null)
-    guess = curve.unknowns.joined(x, place, null / np.linalg.norm(null))
+    x, values, added = (
+        problem.vector(point.solution.coefficients),
+        problem.values(point.solution.parameters),
+        np.zeros(0),
+    )
+    if point.kind is Kind.FOLD:
+        null = null_vector(problem.assembly.jacobian(x, values)) if point.null is None else problem.vector(point.null)
+        added = null / np.linalg.norm(null)
+    guess = curve.unknowns.joined(x, place, added)
     curve = settled(curve, guess)
     found = correct(curve, guess, curve.unknowns.fixing_last(), Newton())
     if not found.converged:
         name = curve.unknowns.free[0].name
         raise ConvergenceError(
-            f"the fold at {name} = {place[0]:g} does not converge in this problem: {found.reason}", found
+            f"the {point.kind.value} at {name} = {place[0]:g} does not converge in this problem: {found.reason}", found
         )
     return curve, found.y
 
 
 def _span_around(
-    what: str, span: tuple[float, float] | None, value: float, name: str, parameters: ParameterSet
+    what: str,
+    span: tuple[float, float] | None,
+    value: float,
+    name: str,
+    point: SpecialPoint,
+    parameters: ParameterSet,
 ) -> tuple[float, float]:
     if span is None:
         reach = 10.0 * abs(value) or 1.0
         span = (value / 10.0, reach) if value > 0.0 else (-reach, value / 10.0 if value else reach)
     low, high = sorted(parameters.span(name, span, what=what))
     if not low <= value <= high:
-        raise refused(ValueError, what, span, f"values on both sides of the fold, at {name} = {value:g}")
+        raise refused(ValueError, what, span, f"values on both sides of the {point.kind.value}, at {name} = {value:g}")
     return low, high
 
 
@@ -197,13 +227,14 @@ def _both_ways(
         return resolution.finer(curve, after) if other is None and resolution is not None else other
 
     sides, curve = (back, ahead), back.folds[0].curve
+    of_folds = isinstance(curve.condition, NullVector)
     for side, sign in ((ahead, 1.0), (back, -1.0)):
         start = start_point(curve, first.y, sign * curve.unknowns.fixing_last())
         walk = Walk(curve, start, options, limits=spans[1], judge=judge, alike=_alike)
         for before, after in _while_sampled(side, walk):
             if walk.n_points == len(side.folds):
                 side.folds.pop()  # the step to it was made again, with more harmonics
-            event = _event(walk.curve, before, after, options.newton)
+            event = _event(walk.curve, before, after, options.newton) if of_folds else None
             side.folds.append(_followed(walk.curve, after, event, resolution))
             if not spans[0][0] < walk.curve.unknowns.scalars(after.y)[0] < spans[0][1]:
                 side.end = FIRST_SPAN
@@ -228,7 +259,7 @@ def _followed(curve: Equations, point: Point, event: FoldCurvePoint | None, reso
     """Return a fold as one of the curve."""
     if resolution is None:
         return _Followed(curve, point.y, np.nan, event)
-    seen = beside_fold(curve, point)
+    seen = resolution.seen(curve, point)
     resolution.see(seen.curve, seen.y)
     return _Followed(curve, point.y, resolution.error(curve, point), event)
 

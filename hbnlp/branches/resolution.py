@@ -60,12 +60,27 @@ def beside_fold(curve: Equations, point: Point) -> Seen:
     There a change of the residual moves the fold's parameter, not its motion along the branch. It is the one of the two
     parameters that the curve runs less along: the other's would grow without bound where folds come and go.
     """
+    flat, y, _ = _flat(curve, point)
+    null = flat.unknowns.joined(curve.unknowns.added(point.y), [0.0])
+    return Seen(flat, y, null / flat.scale(y) ** 2, None)
+
+
+def beside_event(curve: Equations, point: Point) -> Seen:
+    """Return an event of a curve of events as a solution with one free parameter, in the plane of its condition."""
+    flat, y, k = _flat(curve, point)
+    full = np.zeros((curve.size, curve.size + 1))
+    curve.jacobian(point.y, full)
+    n = curve.problem.size
+    return Seen(flat, y, flat.unknowns.joined(full[-1, :n], full[-1, n + k : n + k + 1]), None)
+
+
+def _flat(curve: Equations, point: Point) -> tuple[Equations, Array, int]:
+    """Return a point of a curve with one of its two parameters free, and which: the one that it runs less along."""
     first, second = np.abs(point.tangent / point.scale)[-2:]
     k = 0 if second >= first else 1
     flat = Equations(curve.problem, curve.values(point.y), curve.unknowns.free[k : k + 1], floor=curve.unknowns.floor)
     y = flat.unknowns.joined(curve.unknowns.coefficients(point.y), curve.unknowns.scalars(point.y)[k : k + 1])
-    null = flat.unknowns.joined(curve.unknowns.added(point.y), [0.0])
-    return Seen(flat, y, null / flat.scale(y) ** 2, None)
+    return flat, y, k
 
 
 class Resolution:
@@ -110,6 +125,10 @@ class Resolution:
     def see(self, curve: Equations, y: Array) -> None:
         """Take a point as one of the branch."""
         self._accuracy.see(curve, y)
+
+    def seen(self, curve: Equations, point: Point) -> Seen:
+        """Return how the error of a point is measured."""
+        return self._view(curve, point)
 
     def error(self, curve: Equations, point: Point) -> float:
         """Return the estimated error of a point of the branch."""

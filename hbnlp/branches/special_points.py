@@ -1,4 +1,4 @@
-"""A special point of a branch: a fold, a branch point, a bifurcation of its motions, a peak."""
+"""A special point of a branch: a fold, a branch point, a bifurcation of its motions, a peak, an event of the user."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.kinds import Kind
-from hbnlp.core.layout import Column, flag, mapping, maybe, name_in, number, numbers_by_name, pair, table, whole
+from hbnlp.core.layout import Column, flag, mapping, maybe, name_in, number, numbers_by_name, pair, table, text, whole
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array
 from hbnlp.fourier import n_coefficients, padded, resize
+from hbnlp.solutions.events import Event
 from hbnlp.solutions.solution import Solution
 from hbnlp.systems.symmetry import Symmetry
 
@@ -43,7 +44,7 @@ class SpecialPoint(ReadOnlyArrays):
         vector of the balance, and is +1 but for the harmonics that are left out: far from it, the point is one of the
         truncated equations alone.
     sensitivity : dict
-        At a fold: derivative of its value by every other parameter, from the left null vector.
+        At a fold or an event: derivative of its value by every other parameter.
     truncation_error : float or None
         By how much it moved when it was solved for with more harmonics, relative to its size; of a peak the estimated
         error of its motion, normal to the branch. None where their number was given.
@@ -53,6 +54,8 @@ class SpecialPoint(ReadOnlyArrays):
     breaks : Symmetry or None
         At a branch point: the symmetry of the motion that the other branch loses, a pitchfork. None where it loses
         none, a plain crossing, and at all other points. Over several forcing periods it may be the shift by one.
+    event : Event or None
+        At an event: its name, and the function that vanishes there; in a branch from a file the name alone.
     """
 
     kind: Kind
@@ -68,6 +71,7 @@ class SpecialPoint(ReadOnlyArrays):
     truncation_error: float | None = None
     converged: bool | None = None
     breaks: Symmetry | None = None
+    event: Event | None = None
 
     @property
     def n_harmonics(self) -> int:
@@ -83,7 +87,9 @@ class SpecialPoint(ReadOnlyArrays):
         state = "" if self.refined else " (not refined)"
         state += " (not converged in harmonics)" if self.converged is False else ""
         state += f", breaks {self.breaks.name!r}" if self.breaks is not None else ""
-        return f"{self.kind.value} at {self.value:.12g}{state}, between {self.bracket[0]:.8g} and {self.bracket[1]:.8g}"
+        name = f" {self.event.name!r}" if self.event is not None else ""
+        low, high = self.bracket
+        return f"{self.kind.value}{name} at {self.value:.12g}{state}, between {low:.8g} and {high:.8g}"
 
 
 COLUMNS = {
@@ -94,7 +100,12 @@ COLUMNS = {
     "special_breaks": Column("specials dof dof", finite=False, optional=True),
 }
 ROWS = table(
-    {"breaks": None, "truncation_error": None, "converged": None},  # files from before there were such things
+    {
+        "breaks": None,
+        "truncation_error": None,
+        "converged": None,
+        "event": None,
+    },  # files from before there were such things
     kind=name_in(Kind),
     value=number,
     bracket=pair(number),
@@ -107,6 +118,7 @@ ROWS = table(
     truncation_error=maybe(number),
     converged=maybe(flag),
     breaks=maybe(mapping),
+    event=maybe(text),
 )
 
 
@@ -161,6 +173,7 @@ def unpacked(content: dict[str, Any], problem: HarmonicBalance | None) -> tuple[
                 truncation_error=row["truncation_error"],
                 converged=row["converged"],
                 breaks=None if broken is None else Symmetry(breaks[i], shift=broken["shift"], name=broken["name"]),
+                event=None if row["event"] is None else Event(row["event"]),
             )
         )
     return tuple(points)
@@ -180,4 +193,5 @@ def _row(point: SpecialPoint) -> dict[str, Any]:
         "truncation_error": point.truncation_error,
         "converged": point.converged,
         "breaks": None if point.breaks is None else {"name": point.breaks.name, "shift": point.breaks.shift},
+        "event": None if point.event is None else point.event.name,
     }

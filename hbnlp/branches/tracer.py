@@ -26,6 +26,7 @@ from hbnlp.core.kinds import End
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
 from hbnlp.solutions.equations import Equations
+from hbnlp.solutions.events import EventFunction, events_of
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
@@ -70,12 +71,14 @@ class Tracer(StaysHere):
         direction: int = 1,
         stability: Floquet | None = DEFAULT_STABILITY,
         method: PseudoArclength | None = None,
+        events: Mapping[str, EventFunction] | None = None,
         resume: Branch | None = None,
     ) -> None:
         problem, start = _problem_and_start(subject, start)
         instance_of("stability", stability, Floquet | None, "Floquet(...), or None for off")
         instance_of("method", method, PseudoArclength | None, "PseudoArclength(...)")
         instance_of("resume", resume, Branch | None, "a Branch, from a file Branch.load(path)")
+        looked_for = events_of(events, problem)
         self.name = name
         self.span = problem.system.parameters.span(name, span)
         self.options = method or PseudoArclength()
@@ -96,7 +99,7 @@ class Tracer(StaysHere):
         self._collection = Collection(begin.curve, resume)
         self._last = begin.point
         evaluator = None if stability is None else FloquetEvaluator.of(problem, stability)
-        self._detector = Detector(evaluator, self.options.newton)
+        self._detector = Detector(evaluator, self.options.newton, looked_for)
         self._found: tuple[Point, tuple[SpecialPoint, ...]] | None = None
         low, high = sorted(self.span)
         self._walk = Walk(

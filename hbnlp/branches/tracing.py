@@ -18,6 +18,7 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.tasks import INTERRUPTED, STOPPED, Ending, Report, drive
+from hbnlp.solutions.events import EventFunction
 from hbnlp.solutions.solution import Solution
 from hbnlp.stability.result import Floquet
 
@@ -36,6 +37,7 @@ def trace(
     direction: int = 1,
     stability: Floquet | None = DEFAULT_STABILITY,
     method: PseudoArclength | None = None,
+    events: Mapping[str, EventFunction] | None = None,
     callbacks: Callbacks = (),
     resume: Branch | None = None,
 ) -> Branch:
@@ -60,11 +62,15 @@ def trace(
     stability : Floquet or None
         Options of the Floquet analysis of every point; None: off.
     method : PseudoArclength, optional
+    events : mapping of names to functions, optional
+        What to look for besides: ``{"amplitude 1": lambda s: s.amplitude_squared("x") - 1.0}``. A function gets the
+        problem with the harmonics of a solution, and returns an expression of its ``x`` and ``p``; where that vanishes
+        is a special point of the kind `Kind.EVENT`.
     callbacks : sequence of callables
         Called after each point with a `Progress`, such as `ProgressBar()` and `Autosave(path)`; one that raises
         `StopTracing` ends the trace.
     resume : Branch, optional
-        Go on from the last point of this branch, from memory or a file.
+        Go on from the last point of this branch, from memory or a file; its events are to be given again.
 
     Returns
     -------
@@ -95,6 +101,7 @@ def trace(
         direction=direction,
         stability=stability,
         method=method,
+        events=events,
         resume=resume,
     )
     reached = _Reached(tracer.span)

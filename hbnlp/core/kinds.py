@@ -25,17 +25,18 @@ class Kind(enum.Enum):
     NEIMARK_SACKER = "Neimark-Sacker"
     HOPF = "Hopf"
     PEAK = "peak"
+    EVENT = "event"
 
     @property
     def code(self) -> str:
-        """LP, BP, PD, NS, HB; EP for a peak, an extreme point."""
+        """LP, BP, PD, NS, HB; EP for a peak, an extreme point; UZ for an event of the user."""
         return _CODES[self][0]
 
     @classmethod
     def of(cls, kind: Kind | str) -> Kind:
         """Return a kind by its word ("fold") or by a code, in small or capital letters.
 
-        LP, BP, PD, NS (TR in AUTO), HB (H in MatCont) and EP are known.
+        LP, BP, PD, NS (TR in AUTO), HB (H in MatCont), EP and UZ are known.
 
         Raises
         ------
@@ -58,6 +59,7 @@ _CODES = {
     Kind.NEIMARK_SACKER: ("NS", "TR"),
     Kind.HOPF: ("HB", "H"),
     Kind.PEAK: ("EP",),
+    Kind.EVENT: ("UZ",),
 }
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,6 +38,7 @@ from hbnlp.diagrams.meeting import (
     place_of,
 )
 from hbnlp.diagrams.tracing import Errand, steps, traced
+from hbnlp.solutions.events import Event, EventFunction, events_of, is_sendable
 from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution
 from hbnlp.solutions.solving import solve
@@ -63,6 +64,7 @@ def explore(
     search: Search | None = None,
     stability: Floquet | None = DEFAULT_STABILITY,
     method: PseudoArclength | None = None,
+    events: Mapping[str, EventFunction] | None = None,
     executor: Executor | None = None,
     callbacks: Callbacks = (),
     resume: Diagram | None = None,
@@ -91,8 +93,11 @@ def explore(
     stability : Floquet or None
         As for `hbnlp.trace`.
     method : PseudoArclength, optional
+    events : mapping of names to functions, optional
+        What to look for along all branches, as for `hbnlp.trace`.
     executor : concurrent.futures.Executor, optional
-        Traces branches side by side; the diagram is the same.
+        Traces branches side by side; the diagram is the same. Other processes can be sent the functions of events that
+        a module defines, no lambdas.
     callbacks : sequence of callables
         Called after each point, or with an executor after each branch; one that raises `StopTracing` ends it, as Ctrl-C
         does, with all there is so far.
@@ -119,6 +124,9 @@ def explore(
     instance_of("executor", executor, Executor | None, "a concurrent.futures.Executor")
     instance_of("resume", resume, Diagram | None, "a Diagram, from a file Diagram.load(path)")
     list_of_callables("callbacks", callbacks)
+    looked_for = events_of(events, problem)
+    if executor is not None and not isinstance(executor, ThreadPoolExecutor):
+        _check_sendable(looked_for)
     whole_number("depth", depth, least=0)
     whole_number("max_points", max_points, least=2)
     span = problem.system.parameters.span(name, span)
@@ -138,6 +146,7 @@ def explore(
             span=span,
             stability=stability,
             method=method or PseudoArclength(),
+            events=events,
         ),
         depth=depth,
         max_points=max_points,
@@ -146,6 +155,17 @@ def explore(
     )
     work = explorer.work(first, values, search or Search())
     return drive(f"exploring {name}", work, explorer.diagram, name=name, callbacks=callbacks)
+
+
+def _check_sendable(events: tuple[Event, ...]) -> None:
+    for event in events:
+        if not is_sendable(event.function):
+            raise refused(
+                ValueError,
+                f"events[{event.name!r}]",
+                event.function,
+                "with an executor of processes a function that a module defines by its name, as def, no lambda",
+            )
 
 
 def _first(

@@ -100,7 +100,7 @@ def stretches_of(
         if end < len(branch) - 1:
             after = _bound(branch, end, known, first=bool(stable[end]))
         else:  # one that met another branch ends with its step across that
-            after = known(branch.special_points[-1]) if branch.end is End.MET else None
+            after = known(_bounds(branch)[-1]) if branch.end is End.MET else None
         ends = [(_value(before, parameter[begin]), before), (_value(after, parameter[end]), after)]
         (low, at_low), (high, at_high) = sorted(ends, key=lambda each: each[0])
         bounds = [point.kind for point in (before, after) if point is not None]
@@ -154,8 +154,13 @@ def _bound(
     branch: Branch, index: int, known: Callable[[SpecialPoint], SpecialPoint], *, first: bool
 ) -> SpecialPoint | None:
     """Return the special point in a step at which stability changes: the first of several, or the last."""
-    inside = [point for point in branch.special_points if point.index == index]
+    inside = [point for point in _bounds(branch) if point.index == index]
     return None if not inside else known(inside[0 if first else -1])
+
+
+def _bounds(branch: Branch) -> list[SpecialPoint]:
+    """Return the special points at which stability may change: all but what the user looks for."""
+    return [point for point in branch.special_points if point.kind is not Kind.EVENT]
 
 
 def _value(point: SpecialPoint | None, otherwise: float) -> float:

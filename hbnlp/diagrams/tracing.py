@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 
 from hbnlp.branches.branch import Branch
@@ -13,6 +13,7 @@ from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import End
 from hbnlp.diagrams.meeting import is_crossed, place_of
+from hbnlp.solutions.events import EventFunction
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.result import Floquet
 
@@ -35,6 +36,8 @@ class Errand:
         Size below which motions are not measured relative to themselves.
     resume : Branch or None
         A part of it that is there already.
+    events : mapping, optional
+        As for `hbnlp.trace`.
     """
 
     start: Solution
@@ -46,6 +49,7 @@ class Errand:
     known: tuple[SpecialPoint, ...] = ()
     size: float = 0.0
     resume: Branch | None = None
+    events: Mapping[str, EventFunction] | None = None
 
 
 def steps(errand: Errand) -> Generator[Tracer, None, Branch]:
@@ -60,6 +64,7 @@ def steps(errand: Errand) -> Generator[Tracer, None, Branch]:
         direction=errand.direction,
         stability=errand.stability,
         method=errand.method,
+        events=errand.events,
         resume=errand.resume,
     )
     scale = max(map(abs, errand.span))

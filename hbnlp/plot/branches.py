@@ -41,6 +41,7 @@ MARKERS = {
     Kind.PERIOD_DOUBLING: ("^", "tab:green"),
     Kind.NEIMARK_SACKER: ("D", "tab:orange"),
     Kind.PEAK: ("*", "black"),
+    Kind.EVENT: ("X", "tab:blue"),
 }
 EVENT_MARKERS = {
     FoldEvent.CUSP: ("v", "tab:purple"),
@@ -192,11 +193,16 @@ def plot_sweep(
 
 
 def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | None = None, **options: Any) -> Axes:
-    """Draw a fold curve in the plane of its two parameters, with cusps, isola births and merges."""
+    """Draw a curve of folds or events in the plane of its two parameters, with cusps, isola births and merges."""
     result("curve", curve, "FoldBranch")
     check_label(label)
     ax = axes(ax)
-    ax.plot(curve.first, curve.second, **{"color": "tab:red", "linewidth": 1.6, **options}, label=label or "folds")
+    ax.plot(
+        curve.first,
+        curve.second,
+        **{"color": "tab:red", "linewidth": 1.6, **options},
+        label=label or curve.event or "folds",
+    )
     for kind, (marker, paint) in EVENT_MARKERS.items():
         events = curve.of_kind(kind)
         if events:

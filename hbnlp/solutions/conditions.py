@@ -7,8 +7,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from hbnlp.balance.assembly import Assembly
+from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.types import Array
 from hbnlp.fourier import resize
+from hbnlp.solutions.events import Event
 
 
 class At(NamedTuple):
@@ -19,6 +21,7 @@ class At(NamedTuple):
     values: Array
     load: float
     added: Array
+    problem: HarmonicBalance
 
 
 class Condition(Protocol):
@@ -119,3 +122,58 @@ class NullVector:
         """Return the largest sum of the moduli in its rows."""
         along = np.abs(at.assembly.jacobian(at.x, at.values)) @ np.abs(at.added)
         return max(self._length * float(along.max()), self._force)
+
+
+class AtEvent:
+    """The condition that a function of the solution vanishes, an event of the user.
+
+    Its one row is written in the units of the balance: a change of the solution by its own size changes it by about the
+    size of the balance's terms.
+
+    Parameters
+    ----------
+    event : Event
+    slope : float
+        Size of the derivative of its function, per change of the unknowns relative to their size.
+    force : float
+        Size of the balance's terms.
+    """
+
+    def __init__(self, event: Event, slope: float, force: float) -> None:
+        self._event, self._factor, self._force = event, force / slope, force
+
+    def n_added(self, size: int) -> int:  # noqa: ARG002 - as all conditions take it
+        """Return 0."""
+        return 0
+
+    def n_rows(self, size: int) -> int:  # noqa: ARG002 - as all conditions take it
+        """Return 1."""
+        return 1
+
+    def residual(self, at: At) -> Array:
+        """Return the function (1,) in the units of the balance."""
+        return np.array([self._factor * self._event.at(at.problem, at.x, at.values).value])
+
+    def jacobian(
+        self,
+        at: At,
+        balance: Array,  # noqa: ARG002 - as all conditions take it
+        by_x: Array,
+        by_added: Array,  # noqa: ARG002 - as all conditions take it
+        by_scalars: Array,
+        parameters: tuple[int | None, ...],
+    ) -> None:
+        """Write its derivatives by the coefficients and the parameters."""
+        here = self._event.at(at.problem, at.x, at.values)
+        by_x[0] = self._factor * here.by_x
+        for column, index in enumerate(parameters):
+            if index is not None:
+                by_scalars[0, column] = self._factor * here.by_p[index]
+
+    def resized(self, added: Array, shape: tuple[int, int], n_harmonics: int) -> Array:  # noqa: ARG002 - likewise
+        """Return the unknowns that it adds, which are none."""
+        return added
+
+    def term_size(self, at: At) -> float:  # noqa: ARG002 - as all conditions take it
+        """Return the size of the balance's terms."""
+        return self._force

@@ -16,7 +16,8 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.curve import TINY, Parts
 from hbnlp.core.types import Array
 from hbnlp.fourier import resize
-from hbnlp.solutions.conditions import At, Condition, NullVector
+from hbnlp.solutions.conditions import At, AtEvent, Condition, NullVector
+from hbnlp.solutions.events import Event
 from hbnlp.solutions.sizes import sizes_at
 from hbnlp.solutions.solution import Solution, make_solution
 from hbnlp.solutions.unknowns import Free, Unknowns
@@ -150,7 +151,8 @@ class Equations:
 
     def _at(self, y: Array) -> At:
         load = float(self.unknowns.scalars(y)[self._indices.index(None)]) if None in self._indices else 1.0
-        return At(self.problem.assembly, self.unknowns.coefficients(y), self.values(y), load, self.unknowns.added(y))
+        x, added = self.unknowns.coefficients(y), self.unknowns.added(y)
+        return At(self.problem.assembly, x, self.values(y), load, added, self.problem)
 
 
 def by_scalar(terms: Terms, at: At, index: int | None) -> Array:
@@ -204,12 +206,36 @@ def along_folds(
     By default the second is the factor on the load. Changes of a parameter are measured relative to itself, or to a
     thousandth of the value given where it is smaller; of one whose value is zero, to a hundredth of its span.
     """
-    index = problem.system.parameters.index
-    names = [first] if second is None else [first, second]
-    widths = [0.01 * abs(high - low) for low, high in spans] or [1.0] * len(names)
-    free = [
-        Free(name, 1e-3 * abs(float(values[index(name)])) or width) for name, width in zip(names, widths, strict=True)
-    ]
+    free = _both_free(problem, values, [first] if second is None else [first, second], spans)
     if second is None:
         free.append(Free(None, 0.1))
     return kind(problem, values, tuple(free), condition=NullVector(*sizes_at(problem, x, values)))
+
+
+def along_event(
+    problem: HarmonicBalance,
+    x: Array,
+    values: Array,
+    event: Event,
+    names: tuple[str, str],
+    *,
+    spans: Sequence[tuple[float, float]],
+) -> Equations:
+    """Return the solutions in two parameters at which an event's function vanishes; measured as `along_folds` does."""
+    length, force = sizes_at(problem, x, values)
+    free = _both_free(problem, values, names, spans)
+    here, index = event.at(problem, x, values), problem.system.parameters.index
+    sizes = [max(abs(float(values[index(name)])), each.floor) for name, each in zip(names, free, strict=True)]
+    by_scalars = [float(here.by_p[index(name)]) * size for name, size in zip(names, sizes, strict=True)]
+    slope = float(np.linalg.norm([length * float(np.linalg.norm(here.by_x)), *by_scalars]))
+    return Equations(problem, values, tuple(free), condition=AtEvent(event, slope or 1.0, force))
+
+
+def _both_free(
+    problem: HarmonicBalance, values: Array, names: Sequence[str], spans: Sequence[tuple[float, float]]
+) -> list[Free]:
+    index = problem.system.parameters.index
+    widths = [0.01 * abs(high - low) for low, high in spans] or [1.0] * len(names)
+    return [
+        Free(name, 1e-3 * abs(float(values[index(name)])) or width) for name, width in zip(names, widths, strict=True)
+    ]

@@ -328,7 +328,7 @@ def test_what_is_no_fold_is_refused():
     branch = trace(absorber, "omega", (1.0, 1.3))
     others = [point for point in branch.special_points if point not in branch.folds]
     assert others
-    with pytest.raises(ValueError, match="point is a Neimark-Sacker; a fold is needed"):
+    with pytest.raises(ValueError, match="point is a Neimark-Sacker; a fold or an event is needed"):
         follow(others[0], "force")
 
 

@@ -17,6 +17,7 @@ from hbnlp.core.kinds import End, FoldEvent, Kind
         ("H", Kind.HOPF),
         ("fold", Kind.FOLD),
         ("neimark-sacker", Kind.NEIMARK_SACKER),
+        ("UZ", Kind.EVENT),
         (Kind.PEAK, Kind.PEAK),
     ],
 )
@@ -42,4 +43,4 @@ def test_events_of_fold_curves_are_known_by_their_words():
 
 
 def test_a_branch_is_complete_at_an_end_of_its_span_or_closed():
-    assert {end for end in End if end.complete} == {End.SPAN_END, End.SPAN_START, End.CLOSED}
+    assert {end for end in End if end.complete} == {End.SPAN_END, End.SPAN_START, End.CLOSED, End.MET}
