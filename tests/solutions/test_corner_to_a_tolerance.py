@@ -1,4 +1,4 @@
-"""A step in the force and a number of samples that is given: no tolerance is met by many harmonics, and that is said."""
+"""A step in the force and a given number of samples: no tolerance is met by many harmonics, and that is said."""
 
 import casadi as ca
 import pytest
