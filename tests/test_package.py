@@ -24,8 +24,10 @@ def run_python(code, folder):
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=240)
 
 
-def test_importing_the_package_does_not_import_matplotlib_or_control(tmp_path):
-    code = "import sys, hbnlp; print(sorted({'matplotlib', 'control'} & set(sys.modules)))"
+def test_importing_the_package_does_not_import_matplotlib_or_an_extra(tmp_path):
+    code = (
+        "import sys, hbnlp; print(sorted({'matplotlib', 'control', 'xarray', 'pandas', 'h5netcdf'} & set(sys.modules)))"
+    )
     done = run_python(code, tmp_path)
     assert done.stderr == ""
     assert done.stdout.strip() == "[]"

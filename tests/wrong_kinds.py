@@ -302,11 +302,13 @@ def examples():
         "Solution.harmonics": {"self": w.solution, "output": "x"},
         "Solution.load": {"path": "no such file", "problem": None},
         "Solution.save": {"self": w.solution, "path": "no such folder/file"},
+        "Solution.to_netcdf": {"self": w.solution, "path": "no such folder/file"},
         "Solution.signal": {"self": w.solution, "output": "x", "t": 0.0},
         "Solution.velocity": {"self": w.solution, "t": 0.0},
         "SolutionSet.load": {"path": "no such file", "problem": None},
         "SolutionSet.plot": {"self": w.found, "output": "x", "ax": None},
         "SolutionSet.save": {"self": w.found, "path": "no such folder/file"},
+        "SolutionSet.to_netcdf": {"self": w.found, "path": "no such folder/file"},
         "Symmetry": {"matrix": [[-1.0]], "shift": np.pi, "name": "odd"},
         "Symmetry.identity": {"n_dof": 1},
         "System": {
@@ -324,6 +326,7 @@ def examples():
         "TimeResponse.harmonics": {"self": w.response, "output": "x", "n_harmonics": 1},
         "TimeResponse.load": {"path": "no such file"},
         "TimeResponse.save": {"self": w.response, "path": "no such folder/file"},
+        "TimeResponse.to_netcdf": {"self": w.response, "path": "no such folder/file"},
         "TimeResponse.signal": {"self": w.response, "output": "x"},
         "Tracer": {
             "subject": w.problem, "name": "omega", "span": (0.7, 0.8), "at": {"force": 0.18},
@@ -386,6 +389,7 @@ def examples():
         "aero.FrequencyResponse.from_csv": {"path": "no such file", "base_load": None, "provenance": None},
         "aero.FrequencyResponse.load": {"path": "no such file"},
         "aero.FrequencyResponse.save": {"self": w.frequency_response, "path": "no such folder/file"},
+        "aero.FrequencyResponse.to_netcdf": {"self": w.frequency_response, "path": "no such folder/file"},
         "aero.FrequencyResponse.to_csv": {"self": w.frequency_response, "path": "no such folder/file"},
         "aero.FrequencyResponse.truncated": {"self": w.frequency_response, "n_modes": 1},
         "aero.Provenance": {"source": "", "reynolds": 100.0, "incidence": 0.0, "band": (0.1, 1.0), "fit_error": 0.1},
@@ -496,6 +500,7 @@ def examples():
             "load": load,
             "plot": {"output": "x", "ax": None, "harmonic": 1},
             "save": {"path": "no such folder/file"},
+            "to_netcdf": {"path": "no such folder/file"},
             "solution": {"index": 0},
             "values": {"name": "omega"},
         }

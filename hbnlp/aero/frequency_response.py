@@ -17,16 +17,19 @@ from hbnlp.core.layout import Column, Layout, mapping
 from hbnlp.core.records import loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 _LAYOUT = Layout(
     kind="FrequencyResponse",
     columns={
-        "omega": Column("m"),
-        "values": Column("m N+1 N+2", complex),
-        "static": Column("N+1 N+2"),
-        "base_load": Column("N+1"),
+        "omega": Column("m", about="angular frequency, U/c", units="1"),
+        "values": Column("m N+1 N+2", complex, about="loads per motion, time factor exp(+i omega t)", units="1"),
+        "static": Column("N+1 N+2", about="loads per motion at omega = 0", units="1"),
+        "base_load": Column("N+1", about="steady load at the incidence of the response", units="1"),
     },
     entries={"provenance": mapping},
+    dimensions={"m": "omega", "N+1": "load", "N+2": "motion"},
 )
 
 DIP = 0.1
@@ -37,7 +40,7 @@ NOTHING = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class FrequencyResponse(ReadOnlyArrays):
+class FrequencyResponse(ReadOnlyArrays, Tabular):
     """Loads [C_L, dCp_1..dCp_N] per harmonic motion [alpha, z, W_1..W_N].
 
     Attributes
@@ -155,6 +158,10 @@ class FrequencyResponse(ReadOnlyArrays):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write one ``.npz`` file, all of it or nothing."""
         save_record(self, path, _LAYOUT)
+
+    def _table(self) -> Table:
+        names = {"load": self.load_names, "motion": self.motion_names}
+        return table_of(self, _LAYOUT, axes=("omega",), labels=names)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> FrequencyResponse:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hbnlp.core.extras import from_extra
 from hbnlp.core.types import Array
 
 if TYPE_CHECKING:
@@ -32,12 +33,7 @@ def pack(
     ImportError
         If the package ``control`` is not installed.
     """
-    try:
-        import control
-    except ImportError as error:
-        raise ImportError(
-            "a control.StateSpace needs the package 'control', which is not installed: pip install 'hbnlp[control]'"
-        ) from error
+    control = from_extra("control", "control", "a control.StateSpace")
     rows, m = stiffness.shape
     n = lag_state.shape[0]
     modes = range(1, rows)

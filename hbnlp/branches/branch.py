@@ -27,21 +27,23 @@ from hbnlp.core.layout import (
     texts,
     whole,
 )
-from hbnlp.core.records import AlongParameter, loaded, save_columns, taken_apart
+from hbnlp.core.records import AlongParameter, content_of, loaded, save_columns
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs, check_problem
-from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
+from hbnlp.solutions.columns import HARMONICS, check_numbers, numbers_of_harmonics
 from hbnlp.solutions.crossing import solution_between
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.solution import Solution, attached
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Branch(AlongParameter):
+class Branch(AlongParameter, Tabular):
     """Points along a curve of periodic solutions, in order.
 
     Attributes
@@ -228,8 +230,13 @@ class Branch(AlongParameter):
 
     def parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the columns and plain values by which it stands in a file, as `LAYOUT` says."""
-        special_points = packed(self.special_points, self.coefficients.shape[1])
-        return taken_apart(self, LAYOUT, end=self.end.name, **special_points)
+        return content_of(self, LAYOUT, **self._parts())
+
+    def _parts(self) -> dict[str, Any]:
+        return {"end": self.end.name, **packed(self.special_points, self.coefficients.shape[1])}
+
+    def _table(self) -> Table:
+        return table_of(self, LAYOUT, coordinates={"parameter": self.name}, **self._parts())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Branch:
@@ -303,19 +310,27 @@ class Branch(AlongParameter):
 LAYOUT = Layout(
     kind="branch",
     columns={
-        "parameter": Column("points"),
-        "coefficients": Column("points dof 2H+1"),
-        "amplitudes": Column("points outputs H+1", complex),
-        "n_harmonics": Column("points", int, optional=True),
-        "truncation_error": Column("points", finite=False, optional=True),
-        "multipliers": Column("points states", complex, finite=False, optional=True),
-        "stable": Column("points", bool, optional=True),
-        "stability_error": Column("points", finite=False, optional=True),
-        "stability_converged": Column("points", bool, optional=True),
-        "arclength": Column("points"),
-        "residual": Column("points"),
-        "iterations": Column("points", int),
-        "n_samples": Column("points", int),
+        "parameter": Column("points", about="continuation parameter"),
+        **HARMONICS,
+        "multipliers": Column(
+            "points multipliers",
+            complex,
+            finite=False,
+            optional=True,
+            about="Floquet multipliers by decreasing modulus",
+            units="1",
+        ),
+        "stable": Column("points", bool, optional=True, about="whether no multiplier is outside the unit circle"),
+        "stability_error": Column(
+            "points", finite=False, optional=True, about="estimated error of the multipliers", units="1"
+        ),
+        "stability_converged": Column(
+            "points", bool, optional=True, about="whether the multipliers could be had to the tolerance"
+        ),
+        "arclength": Column("points", about="length in the continuation's metric", units="1"),
+        "residual": Column("points", about="residual of the balance relative to its terms", units="1"),
+        "iterations": Column("points", int, about="iterations of Newton's method", units="1"),
+        "n_samples": Column("points", int, about="samples of the force a period", units="1"),
         **COLUMNS,
     },
     entries={
@@ -332,4 +347,5 @@ LAYOUT = Layout(
         "special_points": ROWS,
     },
     lengths={"outputs": "output_names", "specials": "special_points"},
+    working=frozenset({"special_breaks"}),
 )

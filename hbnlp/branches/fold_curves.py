@@ -31,8 +31,10 @@ from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, IntArray
 from hbnlp.fourier import n_coefficients, resize
 from hbnlp.solutions.attaching import check_belongs, check_problem
-from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
+from hbnlp.solutions.columns import HARMONICS, check_numbers, numbers_of_harmonics
 from hbnlp.solutions.solution import Solution, attached, make_solution
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,13 +42,11 @@ if TYPE_CHECKING:
 _LAYOUT = Layout(
     kind="fold curve",
     columns={
-        "first": Column("points"),
-        "second": Column("points"),
-        "coefficients": Column("points dof 2H+1"),
-        "n_harmonics": Column("points", int, optional=True),
-        "truncation_error": Column("points", finite=False, optional=True),
-        "event_coefficients": Column("events dof 2H+1"),
-        "event_n_harmonics": Column("events", int, optional=True),
+        "first": Column("points", about="continuation parameter of the folds"),
+        "second": Column("points", about="second parameter"),
+        **{name: column for name, column in HARMONICS.items() if name != "amplitudes"},
+        "event_coefficients": Column("events dof 2H+1", numbers="event_n_harmonics", about="displacements at an event"),
+        "event_n_harmonics": Column("events", int, optional=True, about="number of harmonics", units="1"),
     },
     entries={
         "names": pair(text),
@@ -84,7 +84,7 @@ class FoldCurvePoint:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FoldBranch(ReadOnlyArrays):
+class FoldBranch(ReadOnlyArrays, Tabular):
     """Folds, or one event of the user, in the plane of two parameters, in order along the curve.
 
     Attributes
@@ -206,12 +206,11 @@ class FoldBranch(ReadOnlyArrays):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the curve to one ``.npz`` file without pickle, whole or not at all."""
-        most = self.coefficients.shape[2] // 2
-        coefficients = np.array([resize(event.coefficients, most) for event in self.events]) if self.events else None
-        numbers = np.array([event.n_harmonics for event in self.events], dtype=int)
-        events = [{"kind": e.kind.name, "first": e.first, "second": e.second} for e in self.events]
-        columns = {"event_coefficients": coefficients, "event_n_harmonics": numbers}
-        save_record(self, path, _LAYOUT, **columns, events=events)
+        save_record(self, path, _LAYOUT, **_parts(self))
+
+    def _table(self) -> Table:
+        names = dict(zip(("first", "second"), self.names, strict=True))
+        return table_of(self, _LAYOUT, coordinates=names, **_parts(self))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> FoldBranch:
@@ -243,3 +242,13 @@ class FoldBranch(ReadOnlyArrays):
             f"FoldBranch: {len(self)} {points}, {self.names[0]} in {extent(self.first)}, {self.names[1]} in "
             f"{extent(self.second)}\n  events: {events}\n  ends: {self.ends[0]}; {self.ends[1]}"
         )
+
+
+def _parts(curve: FoldBranch) -> dict[str, Any]:
+    """Return what the file of a curve has that are not its attributes as they are."""
+    events, most = curve.events, curve.coefficients.shape[2] // 2
+    return {
+        "event_coefficients": np.array([resize(e.coefficients, most) for e in events]) if events else None,
+        "event_n_harmonics": np.array([e.n_harmonics for e in events], dtype=int),
+        "events": [{"kind": e.kind.name, "first": e.first, "second": e.second} for e in events],
+    }

@@ -10,7 +10,20 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.kinds import Kind
-from hbnlp.core.layout import Column, flag, mapping, maybe, name_in, number, numbers_by_name, pair, table, text, whole
+from hbnlp.core.layout import (
+    Column,
+    complex_number,
+    flag,
+    mapping,
+    maybe,
+    name_in,
+    number,
+    numbers_by_name,
+    pair,
+    table,
+    text,
+    whole,
+)
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array
 from hbnlp.fourier import n_coefficients, padded, resize
@@ -93,10 +106,19 @@ class SpecialPoint(ReadOnlyArrays):
 
 
 COLUMNS = {
-    "special_coefficients": Column("specials dof 2S+1"),
-    "special_amplitudes": Column("specials outputs S+1", complex),
-    "special_null": Column("specials dof 2S+1", finite=False),  # nan where there is none
-    "special_n_harmonics": Column("specials", int, optional=True),
+    "special_coefficients": Column(
+        "specials dof 2S+1", numbers="special_n_harmonics", about="displacements at a special point"
+    ),
+    "special_amplitudes": Column(
+        "specials outputs S+1", complex, numbers="special_n_harmonics", about="outputs at a special point"
+    ),
+    "special_null": Column(
+        "specials dof 2S+1",
+        finite=False,  # nan where there is none
+        numbers="special_n_harmonics",
+        about="null vector of the balance's Jacobian",
+    ),
+    "special_n_harmonics": Column("specials", int, optional=True, about="number of harmonics", units="1"),
     "special_breaks": Column("specials dof dof", finite=False, optional=True),
 }
 ROWS = table(
@@ -113,7 +135,7 @@ ROWS = table(
     refined=flag,
     parameters=numbers_by_name,
     statistics=mapping,
-    multiplier=maybe(pair(number)),
+    multiplier=maybe(complex_number),
     sensitivity=numbers_by_name,
     truncation_error=maybe(number),
     converged=maybe(flag),
@@ -168,7 +190,7 @@ def unpacked(content: dict[str, Any], problem: HarmonicBalance | None) -> tuple[
                 refined=row["refined"],
                 solution=solution,
                 null=None if np.all(np.isnan(nulls[i])) else nulls[i, :, own],
-                multiplier=None if row["multiplier"] is None else complex(*row["multiplier"]),
+                multiplier=row["multiplier"],
                 sensitivity=row["sensitivity"],
                 truncation_error=row["truncation_error"],
                 converged=row["converged"],

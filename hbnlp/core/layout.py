@@ -33,12 +33,21 @@ class Column:
         Whether all values are finite as a rule. Those that were not when the record was saved are loaded as they were.
     optional : bool
         Whether it may be None, or lack in files of earlier versions.
+    numbers : str
+        Where its last axis are harmonics: the column that tells how many of them each row has, the rest being padded.
+    about : str
+        What it is, for the tables that are made of it.
+    units : str
+        "1" for a pure number; empty where it has those of the system's equations.
     """
 
     shape: str
     kind: type = float
     finite: bool = True
     optional: bool = False
+    numbers: str = ""
+    about: str = ""
+    units: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,12 @@ class Layout:
         Plain values of files of earlier versions, which lack them.
     more : mapping of str to Column
         What further columns must be, by what their names begin with.
+    dimensions : mapping of parts of shapes to str
+        What a table calls an axis, where that is not the length's name in the singular.
+    rows : str
+        The dimension of the rows of a table in two dimensions; by default the first of the first column.
+    working : frozenset of str
+        Columns and plain values that only work which goes on with the record needs: no table has them.
     """
 
     kind: str
@@ -66,6 +81,9 @@ class Layout:
     lengths: Mapping[str, str] = field(default_factory=dict)
     defaults: Mapping[str, Any] = field(default_factory=dict)
     more: Mapping[str, Column] = field(default_factory=dict)
+    dimensions: Mapping[str, str] = field(default_factory=dict)
+    rows: str = ""
+    working: frozenset[str] = frozenset()
 
     def check(
         self, arrays: Mapping[str, Any], metadata: Mapping[str, Any], *, loose: frozenset[str]
@@ -193,6 +211,11 @@ def number(value: Any) -> float:
 def texts(value: Any) -> tuple[str, ...]:
     """Texts, in a tuple."""
     return tuple(text(each) for each in _several(value))
+
+
+def complex_number(value: Any) -> complex:
+    """A complex number, which is written as its real and imaginary part."""
+    return complex(*pair(number)(value))
 
 
 def pair(of: Entry) -> Entry:

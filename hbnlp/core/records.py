@@ -36,11 +36,11 @@ def save_record(record: Any, path: str | os.PathLike[str], layout: Layout, **par
     SaveError
         If the file cannot be written, or the record is not as its layout says.
     """
-    save_columns(path, layout, *taken_apart(record, layout, **parts))
+    save_columns(path, layout, *content_of(record, layout, **parts))
 
 
-def taken_apart(record: Any, layout: Layout, **parts: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the columns and plain values of a record, ``parts`` in the place of its attributes."""
+def content_of(record: Any, layout: Layout, **parts: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the columns of a record that are not None, and its plain values, as a file has them; see `save_record`."""
     content = {n: parts[n] if n in parts else getattr(record, n) for n in (*layout.columns, *layout.entries)}
     arrays = {name: content[name] for name in layout.columns if content[name] is not None}
     return arrays, {name: _plain(content[name]) for name in layout.entries}

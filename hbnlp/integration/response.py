@@ -29,13 +29,15 @@ from hbnlp.core.types import Array, ComplexArray
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
 from hbnlp.integration.runge_kutta import RungeKutta4
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 _METHODS = {each.__name__: each for each in (RungeKutta4, Adaptive)}
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class TimeResponse(ReadOnlyArrays):
+class TimeResponse(ReadOnlyArrays, Tabular):
     """The last window (one or more periods of the forcing) of an integration in time.
 
     Attributes
@@ -123,6 +125,9 @@ class TimeResponse(ReadOnlyArrays):
         """
         save_record(self, path, _LAYOUT, method=_said(self.method))
 
+    def _table(self) -> Table:
+        return table_of(self, _LAYOUT, axes=("t",), method=_said(self.method))
+
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> TimeResponse:
         """Return a response from a file that `save` wrote; `hbnlp.integrate` goes on with ``start=response``.
@@ -179,13 +184,13 @@ def _method(value: Any) -> Method:
 _LAYOUT = Layout(
     kind="time response",
     columns={
-        "t": Column("times"),
-        "q": Column("times dof"),
-        "v": Column("times dof"),
-        "x": Column("times lags"),
-        "state": Column("states"),
-        "signals": Column("times outputs"),
-        "defects": Column("windows", finite=False),
+        "t": Column("times", about="time since the beginning of the last window"),
+        "q": Column("times dof", about="displacements"),
+        "v": Column("times dof", about="velocities"),
+        "x": Column("times lags", about="lag states"),
+        "state": Column("states", about="(q, q', lag states) at the end, where tau = 0"),
+        "signals": Column("times outputs", about="outputs"),
+        "defects": Column("windows", finite=False, about="relative change of the state over each window", units="1"),
     },
     entries={
         "output_names": texts,
@@ -198,6 +203,7 @@ _LAYOUT = Layout(
         "message": text,
     },
     lengths={"outputs": "output_names"},
+    dimensions={"states": "component"},  # a variable is called state
 )
 
 

@@ -6,7 +6,18 @@ import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import counted
+from hbnlp.core.layout import Column
 from hbnlp.core.types import Array, IntArray
+
+HARMONICS = {
+    "coefficients": Column("points dof 2H+1", numbers="n_harmonics", about="displacements"),
+    "amplitudes": Column("points outputs H+1", complex, numbers="n_harmonics", about="outputs"),
+    "n_harmonics": Column("points", int, optional=True, about="number of harmonics", units="1"),
+    "truncation_error": Column(
+        "points", finite=False, optional=True, about="estimated error for want of harmonics", units="1"
+    ),
+}
+"""What is recorded of the motions along a parameter."""
 
 
 def numbers_of_harmonics(column: IntArray | None, coefficients: Array) -> IntArray:

@@ -24,10 +24,12 @@ from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
 from hbnlp.solutions.attaching import check_belongs, check_problem
 from hbnlp.solutions.identity import meets, moved
 from hbnlp.systems.symmetry import Symmetry, inherent
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Solution(ReadOnlyArrays):
+class Solution(ReadOnlyArrays, Tabular):
     """A periodic solution ``q(tau) = a_0 + sum_h a_{2h-1} cos(h tau / periods) + a_{2h} sin(h tau / periods)``.
 
     Many methods: what a motion is asked for, most in one line.
@@ -154,16 +156,19 @@ class Solution(ReadOnlyArrays):
         SaveError
             If it cannot be written; an older file is as it was.
         """
+        save_record(self, path, _LAYOUT, **self._parts())
+
+    def _parts(self) -> dict[str, Any]:
         origin = self.origin
-        save_record(
-            self,
-            path,
-            _LAYOUT,
-            status=self.status.name,
-            origin=[] if origin is None else [_row(origin)],
-            origin_coefficients=None if origin is None else origin.coefficients[None],
-            origin_amplitudes=None if origin is None else origin.amplitudes[None],
-        )
+        return {
+            "status": self.status.name,
+            "origin": [] if origin is None else [_row(origin)],
+            "origin_coefficients": None if origin is None else origin.coefficients[None],
+            "origin_amplitudes": None if origin is None else origin.amplitudes[None],
+        }
+
+    def _table(self) -> Table:
+        return table_of(self, _LAYOUT, **self._parts())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Solution:
@@ -251,13 +256,15 @@ _ENTRIES = {
 _LAYOUT = Layout(
     kind="solution",
     columns={
-        "coefficients": Column("dof 2H+1"),
-        "amplitudes": Column("outputs H+1", complex),
+        "coefficients": Column("dof 2H+1", about="displacements"),
+        "amplitudes": Column("outputs H+1", complex, about="outputs"),
         "origin_coefficients": Column("origins dof 2K+1"),
         "origin_amplitudes": Column("origins outputs K+1", complex),
     },
     entries={**_ENTRIES, "output_names": texts, "origin": table(**_ENTRIES)},
     lengths={"outputs": "output_names", "origins": "origin"},
+    rows="harmonic",
+    working=frozenset({"origin", "origin_coefficients", "origin_amplitudes"}),
 )
 
 

@@ -32,6 +32,8 @@ from hbnlp.fourier import n_coefficients, padded, resize
 from hbnlp.solutions.attaching import check_problem
 from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
 from hbnlp.solutions.solution import Solution, with_problem
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,7 +73,7 @@ class SearchState:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SolutionSet(ReadOnlyArrays, Sequence[Solution]):
+class SolutionSet(ReadOnlyArrays, Sequence[Solution], Tabular):
     """The solutions at one parameter point that `hbnlp.find_all` found, a sequence of them, smallest first.
 
     Attributes
@@ -131,24 +133,27 @@ class SolutionSet(ReadOnlyArrays, Sequence[Solution]):
         SaveError
             If it cannot be written; an older file is as it was.
         """
-        found = self.solutions
+        save_record(self, path, _LAYOUT, **self._parts())
+
+    def _parts(self) -> dict[str, Any]:
+        found, state = self.solutions, self.state
         most = max((s.n_harmonics for s in found), default=0)
-        save_record(
-            self,
-            path,
-            _LAYOUT,
-            coefficients=np.array([resize(s.coefficients, most) for s in found]) if found else None,
-            amplitudes=np.array([padded(s.amplitudes, most) for s in found]) if found else None,
-            n_harmonics=np.array([s.n_harmonics for s in found], dtype=int),
-            spurious=np.array(self.state.spurious) if self.state.spurious else None,
-            solutions=[
+        return {
+            "coefficients": np.array([resize(s.coefficients, most) for s in found]) if found else None,
+            "amplitudes": np.array([padded(s.amplitudes, most) for s in found]) if found else None,
+            "n_harmonics": np.array([s.n_harmonics for s in found], dtype=int),
+            "spurious": np.array(state.spurious) if state.spurious else None,
+            "solutions": [
                 {"statistics": dict(s.statistics), "place": place, "image": image}
-                for s, place, image in zip(found, np.argsort(self.state.order), self.state.images, strict=True)
+                for s, place, image in zip(found, np.argsort(state.order), state.images, strict=True)
             ],
-            searched=self.state.searched,
-            scale=self.state.scale,
-            generator=self.state.generator,
-        )
+            "searched": state.searched,
+            "scale": state.scale,
+            "generator": state.generator,
+        }
+
+    def _table(self) -> Table:
+        return table_of(self, _LAYOUT, **self._parts())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> SolutionSet:
@@ -197,9 +202,9 @@ def set_with_problem(found: SolutionSet, problem: HarmonicBalance) -> SolutionSe
 _LAYOUT = Layout(
     kind="solution set",
     columns={
-        "coefficients": Column("solutions dof 2H+1"),
-        "amplitudes": Column("solutions outputs H+1", complex),
-        "n_harmonics": Column("solutions", int, optional=True),
+        "coefficients": Column("solutions dof 2H+1", numbers="n_harmonics", about="displacements"),
+        "amplitudes": Column("solutions outputs H+1", complex, numbers="n_harmonics", about="outputs"),
+        "n_harmonics": Column("solutions", int, optional=True, about="number of harmonics", units="1"),
         "spurious": Column("roots size", optional=True),
     },
     entries={
@@ -217,6 +222,7 @@ _LAYOUT = Layout(
         "generator": read_state,
     },
     lengths={"outputs": "output_names", "solutions": "solutions"},
+    working=frozenset({"spurious", "searched", "scale", "generator"}),
 )
 
 

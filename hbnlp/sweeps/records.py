@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -20,9 +20,11 @@ from hbnlp.fourier import n_coefficients
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.settling import integrate
 from hbnlp.solutions.attaching import check_belongs, check_problem
-from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
+from hbnlp.solutions.columns import HARMONICS, check_numbers, numbers_of_harmonics
 from hbnlp.solutions.solution import Solution
 from hbnlp.systems.system import System
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 REPEATS = 1e-2
 """A periodic response whose state changes more over a window is none of the system; less may be the steps' error."""
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep(AlongParameter):
+class Sweep(AlongParameter, Tabular):
     """Solutions along values of one parameter, in the order of marching.
 
     Attributes
@@ -120,6 +122,9 @@ class Sweep(AlongParameter):
         """
         save_record(self, path, _SWEEP)
 
+    def _table(self) -> Table:
+        return table_of(self, _SWEEP, coordinates={"parameter": self.name})
+
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Sweep:
         """Return a sweep from a file that `save` wrote, with its problem if that is given.
@@ -151,7 +156,7 @@ class Sweep(AlongParameter):
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class TimeSweep(AlongParameter):
+class TimeSweep(AlongParameter, Tabular):
     """Responses along a range of one parameter, in the order in which they were integrated.
 
     Attributes
@@ -250,6 +255,9 @@ class TimeSweep(AlongParameter):
         """
         save_record(self, path, _TIME_SWEEP)
 
+    def _table(self) -> Table:
+        return table_of(self, _TIME_SWEEP, coordinates={"parameter": self.name})
+
     @classmethod
     @renamed_arguments()
     def load(cls, path: str | os.PathLike[str], *, system: System | None = None) -> TimeSweep:
@@ -323,16 +331,20 @@ _ENTRIES: dict[str, Entry] = {
     "complete": flag,
     "message": text,
 }
-_JUMPS = {"jumps": Column("jumps", int), "jump_brackets": Column("jumps 2", finite=False)}
+_PARAMETER = Column("points", about="parameter of the sweep, in the order of marching")
+_JUMPS = {
+    "jumps": Column("jumps", int, about="first point after the jump", units="1"),
+    "jump_brackets": Column("jumps 2", finite=False, about="parameter before and after the jump"),
+}
 _SWEEP = Layout(
     kind="sweep",
     columns={
-        "parameter": Column("points"),
-        "coefficients": Column("points dof 2H+1", finite=False),  # nan where Newton's method did not converge
-        "amplitudes": Column("points outputs H+1", complex, finite=False),
-        "n_harmonics": Column("points", int, optional=True),
-        "truncation_error": Column("points", finite=False, optional=True),
-        "converged": Column("points", bool),
+        "parameter": _PARAMETER,
+        **HARMONICS,
+        # nan where Newton's method did not converge
+        "coefficients": replace(HARMONICS["coefficients"], finite=False),
+        "amplitudes": replace(HARMONICS["amplitudes"], finite=False),
+        "converged": Column("points", bool, about="whether Newton's method converged"),
         **_JUMPS,
     },
     entries=_ENTRIES,
@@ -341,15 +353,16 @@ _SWEEP = Layout(
 _TIME_SWEEP = Layout(
     kind="time sweep",
     columns={
-        "parameter": Column("points"),
-        "amplitudes": Column("points outputs H+1", complex),
-        "coefficients": Column("points dof 2H+1", optional=True),
-        "states": Column("points states"),
-        "periodic": Column("points", bool),
-        "defects": Column("points", finite=False),
-        "n_periods": Column("points", int),
+        "parameter": _PARAMETER,
+        "amplitudes": replace(HARMONICS["amplitudes"], numbers=""),
+        "coefficients": replace(HARMONICS["coefficients"], numbers="", optional=True),
+        "states": Column("points states", about="(q, q', lag states) at the end, where tau = 0"),
+        "periodic": Column("points", bool, about="whether the response became periodic"),
+        "defects": Column("points", finite=False, about="relative change of the state over the last window", units="1"),
+        "n_periods": Column("points", int, about="periods of the forcing that were integrated", units="1"),
         **_JUMPS,
     },
     entries={**_ENTRIES, "method": text},
     lengths={"outputs": "output_names"},
+    dimensions={"states": "component"},
 )

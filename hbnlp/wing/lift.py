@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import finite_numbers, instance_of, real_number
 from hbnlp.core.interrupts import interrupts_kept
+from hbnlp.core.layout import Column, Layout
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
@@ -18,13 +19,27 @@ from hbnlp.systems.linear_stability import eigenvalues
 from hbnlp.systems.parameters import OMEGA
 from hbnlp.systems.response_about_rest import linear_response
 from hbnlp.systems.system import System
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+_LAYOUT = Layout(
+    kind="lift response",
+    columns={
+        "omega": Column("omega", about="angular frequency, U/c", units="1"),
+        "tensions": Column("tensions", about="c_T = 2 Eh delta0 at rest", units="1"),
+        "membrane": Column("tensions omega", complex, about="C_L / alpha'' of each membrane wing", units="1"),
+        "rigid": Column("omega", complex, about="C_L / alpha'' of the wing with its membrane held flat", units="1"),
+        "growth": Column("tensions", about="largest growth rate about rest, U/c", units="1"),
+    },
+)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LiftResponse(ReadOnlyArrays):
+class LiftResponse(ReadOnlyArrays, Tabular):
     """First-harmonic lift per pitching acceleration, C_L / alpha'', of linear membrane wings and of the rigid wing.
 
     Attributes
@@ -52,6 +67,9 @@ class LiftResponse(ReadOnlyArrays):
         from hbnlp.plot import plot_lift_response
 
         return plot_lift_response(self, ax=ax, **options)
+
+    def _table(self) -> Table:
+        return table_of(self, _LAYOUT, axes=("omega", "tensions"))
 
     def __repr__(self) -> str:
         tensions = ", ".join(

@@ -1,0 +1,1 @@
+"""Records as tables: labelled arrays of xarray, files of netCDF, data frames of pandas."""
