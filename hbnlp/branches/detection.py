@@ -10,7 +10,7 @@ import numpy as np
 from hbnlp.branches.critical import with_multiplier
 from hbnlp.branches.floquet_points import bifurcation_function, critical_multiplier, crossings, samples_at
 from hbnlp.branches.folds import fold_by_newton, fold_sensitivity, left_null_vector
-from hbnlp.branches.forecast import Spectrum, hidden_crossing, on_circle
+from hbnlp.branches.forecast import Spectrum, hidden_crossing, on_circle, turn
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.branch_points import BranchPoint
 from hbnlp.continuation.dips import Sample, crossing_in
@@ -36,6 +36,12 @@ BESIDE = 0.5
 """A fold nearer to a branch point than this part of the step is the turn of the branch there."""
 THERE = 1e-3
 """A point of the branch within this part of the step of a branch point has a tangent that is not worth its name."""
+CROWDED = 2e-3
+"""Longer steps have no more than one crossing of multipliers: between several there may be two that cancel."""
+LONG = 0.1
+"""Steps that are longer are made again with half their length where a multiplier turns by more than the following."""
+LARGEST_TURN = 0.5
+"""Radians, by which no parabola through the multipliers of three points follows them yet."""
 ASIDE = 0.8
 """A step that ends where a multiplier is on the unit circle but for the tolerance is made this much shorter."""
 MOST_TIMES = 3
@@ -103,6 +109,9 @@ class Detector:
             place = hidden_crossing(earlier, here, there, look, evaluator.options.tol)
         along = before.tangent / before.scale**2
         if place is None:
+            kinds = crossings(*(self._floquet(curve, point, evaluator) for point in (before, after)))
+            if (length > CROWDED and len(kinds) > 1) or (length > LONG and turn(here, there) > LARGEST_TURN):
+                return 0.5 * float(along @ (after.y - before.y))
             ends_on_it = self._ends_on_the_circle(before, after, here, there, evaluator)
             return ASIDE * float(along @ (after.y - before.y)) if ends_on_it else None
         return float(along @ (seen[place].y - before.y)) if place in seen else None

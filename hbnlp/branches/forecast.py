@@ -93,6 +93,12 @@ def on_circle(multipliers: ComplexArray, margin: float) -> int:
     return int(np.count_nonzero(np.abs(np.abs(multipliers) - 1.0) <= margin))
 
 
+def turn(here: Spectrum, there: Spectrum) -> float:
+    """Return by how much the angle of a multiplier near the unit circle changes at most between two places."""
+    followed = _followed((here, here, there))
+    return 0.0 if followed is None else float(np.abs(np.log(followed[2] / followed[1]).imag).max(initial=0.0))
+
+
 class _Expected(NamedTuple):
     """How far beyond what is worth a look a multiplier is expected to be, and where."""
 
