@@ -38,9 +38,9 @@ THERE = 1e-3
 """A point of the branch within this part of the step of a branch point has a tangent that is not worth its name."""
 CROWDED = 2e-3
 """Longer steps have no more than one crossing of multipliers: between several there may be two that cancel."""
-LONG = 0.1
+LONG = 0.05
 """Steps that are longer are made again with half their length where a multiplier turns by more than the following."""
-LARGEST_TURN = 0.5
+LARGEST_TURN = 0.4
 """Radians, by which no parabola through the multipliers of three points follows them yet."""
 ASIDE = 0.8
 """A step that ends where a multiplier is on the unit circle but for the tolerance is made this much shorter."""

@@ -194,7 +194,9 @@ class Tracer(StaysHere):
             corners = [curve.problem.corner(curve.unknowns.coefficients(y), curve.values(y)) for y in motions]
             reasons = [str(each) for each in corners if each is not None]
             if not reasons and not _is_finite(curve, motions[-1]):
-                reasons = ["the value or a derivative of nonlinear_force is not finite on the motions ahead: smooth it there"]
+                reasons = [
+                    "the value or a derivative of nonlinear_force is not finite on the motions ahead: smooth it there"
+                ]
             self._corner = f"{self._walk.stop.value}; perhaps because {reasons[0]}" if reasons else ""
 
     def _judge(self, curve: Equations, before: Point, after: Point) -> Equations | float | None:
