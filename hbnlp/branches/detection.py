@@ -84,8 +84,9 @@ class Detector:
         """Return the length of a step into what this one steps over; None if it hides nothing, or stability is off.
 
         A tongue between two points is entered and left by two crossings, which cancel at its ends: the determinants
-        then dip to zero and come back, and pairs of multipliers are forecast to leave the unit circle and return. A step
-        that ends where a multiplier comes on the circle is made shorter, if that helps: its end has no side.
+        then dip to zero and come back, and pairs of multipliers are forecast to leave the unit circle and return. Steps
+        are made shorter as well where several crossings are in one, or multipliers turn too far to be followed, and
+        where a multiplier comes on the circle at the end, if that helps: it is on no side.
         """
         evaluator, length = self._evaluator, after.arclength - before.arclength
         if evaluator is None or length <= SHORTEST:
@@ -121,8 +122,8 @@ class Detector:
     ) -> bool:
         """Return whether more multipliers are on the circle at the end of a step than at its beginning.
 
-        Not where the step was made shorter for that in vain, as without damping, where all of them come to lie on it; nor
-        where the step before it was made shorter, and the same place is its end.
+        Not where the step was made shorter for that in vain, as without damping, where all of them come to lie on it;
+        nor where the step before it was made shorter, and the same place is its end.
         """
         counts = [on_circle(each.multipliers, evaluator.options.tol) for each in (here, there)]
         if counts[1] <= counts[0]:

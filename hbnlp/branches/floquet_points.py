@@ -17,7 +17,7 @@ from hbnlp.stability.result import FloquetResult
 Multipliers = Callable[[Point], FloquetResult]
 
 ROUNDING = 1e-8
-"""Factors of test functions below this have no sign that can be trusted; nor has a function relative to its other end."""
+"""Factors of test functions below this have no sign to be trusted; nor has a function relative to its other end."""
 
 
 def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
@@ -144,7 +144,7 @@ def _doubling_test(at: Multipliers, radius: float) -> Callable[[Point], float]:
 
 def _modulus_test(at: Multipliers, place: int, radius: float) -> Callable[[Point], float]:
     def test(point: Point) -> float:
-        """How far a modulus is beyond the radius, by its place from the largest: continuous where multipliers meet as well."""
+        """How far a modulus is beyond the radius, by its place from the largest: continuous where multipliers meet."""
         return float(np.sort(np.abs(at(point).multipliers))[::-1][place] - radius)
 
     return test

@@ -27,6 +27,7 @@ from hbnlp.core.interrupts import guarded, interrupts_kept
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
+from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
