@@ -26,7 +26,7 @@ OUTPUT_SAMPLES = 2048
 MANY_SAMPLES = 8192
 """A force that takes more is smooth but steep, or has a corner, of which no number is enough: it is asked for one."""
 MOST_SAMPLES = 65_536
-"""Enough for ``tanh(d / width)`` where d passes at a speed by phase of some 1,600 widths."""
+"""Enough for ``tanh(d / width)`` where d passes at a speed by phase of some 2,000 widths."""
 MOST_HARMONICS = 10_000
 """The Jacobian of one degree of freedom fills 3 GB then."""
 MOST_GIVEN_SAMPLES = 10_000_000

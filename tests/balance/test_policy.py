@@ -100,9 +100,9 @@ def test_samples_suffice_where_twice_as_many_leave_the_residual():
     assert HarmonicBalance(pendulum(), 3, n_samples=25).samples_suffice(x, values)
 
 
-@pytest.mark.parametrize(("width", "least"), [(1e-1, 256), (1e-2, 2048), (2e-3, 8193)])
+@pytest.mark.parametrize(("width", "least"), [(1e-1, 100), (1e-2, 1000), (1e-3, 8193)])
 def test_a_steep_force_takes_the_samples_that_it_needs(width, least):
-    """Of tanh(v / width) harmonic k falls as exp(-k width / speed): some 20 speed / width samples, speed about 1."""
+    """Of tanh(v / width) harmonic k falls as exp(-k width / speed): 10 to 20 speed / width samples, speed 1.1."""
     system = System(
         1.0,
         0.1,
@@ -111,7 +111,7 @@ def test_a_steep_force_takes_the_samples_that_it_needs(width, least):
         forcing=lambda tau, p: [ca.cos(tau)],
     )
     solution = solve(HarmonicBalance(system, 3), at={"omega": 1.5})
-    assert least <= solution.problem.n_samples <= 16 * least
+    assert least <= solution.problem.n_samples <= 2 * least
     dense = HarmonicBalance(system, 3, n_samples=2**17)
     x, values = solution.coefficients.ravel(), dense.values({"omega": 1.5})
     assert np.abs(dense.assembly.residual(x, values)).max() <= 1e-9 * dense.assembly.term_size(x, values)
