@@ -140,6 +140,7 @@ def check_residual(report, oscillator, _problem, branch):
     balance = SampledBalance(oscillator)
     for i in _sample(branch, 20, oscillator):
         x, w = branch.coefficients[i].ravel(), branch.parameter[i]
+        balance = balance.resolving(x, w)
         size = max(balance.term_size(x, w), 1e-9 * oscillator.units[2])
         relative = np.abs(balance.residual(x, w)).max() / size
         report.hold("residual", relative <= RESIDUAL_TOL, f"{relative:.1e} at omega = {w:.9g}")
@@ -151,7 +152,9 @@ def check_folds(report, oscillator, _problem, branch):
         if not fold.refined:
             report.hold("fold refined", False, f"not at omega = {fold.value:.9g}")
             continue
-        value = balance.fold(fold.solution.coefficients.ravel(), fold.value)
+        x = fold.solution.coefficients.ravel()
+        balance = balance.resolving(x, fold.value)
+        value = balance.fold(x, fold.value)
         close = value is not None and abs(value - fold.value) <= FOLD_TOL * fold.value
         report.hold("fold", close, f"{fold.value:.12g}, by Newton's method {value}")
 
@@ -207,7 +210,7 @@ def check_stable(report, oscillator, problem, branch):
         return
     i = int(stable[np.random.default_rng(oscillator.seed).integers(stable.size)])
     x, w = branch.coefficients[i].ravel(), branch.parameter[i]
-    if balance.left_out(x, w) > RESOLVED:
+    if balance.resolving(x, w).left_out(x, w) > RESOLVED:
         report.left_out["stable motions that are truncated"] += 1
         return
     first_order = FirstOrder(problem.system, {"omega": w})

@@ -9,6 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 N_SAMPLES = 1024
+MOST_SAMPLES = 2**17
+ALIASING = 1e-10
+"""Twice the samples move the residual by no more, relative to its terms, where they are enough for a force."""
 TINY_STEP = 1e-30
 
 
@@ -25,6 +28,17 @@ class SampledBalance:
         for k in range(1, self.h + 1):
             self.rate[2 * k - 1, 2 * k], self.rate[2 * k, 2 * k - 1] = k, -k
         self.load = np.array([row + 0.0 * self.tau for row in oscillator.load_rows(self.tau, np)])
+
+    def resolving(self, x, w):
+        """Return the balance with as many samples as the force takes on a motion, this one if it has them."""
+        balance = self
+        while len(balance.tau) < MOST_SAMPLES:
+            finer = SampledBalance(self.oscillator, 2 * len(balance.tau))
+            moved = np.abs(finer.residual(x, w) - balance.residual(x, w)).max()
+            if moved <= ALIASING * max(finer.term_size(x, w), 1e-300):
+                return balance
+            balance = finer
+        return balance
 
     def waves_at(self, tau):
         tau = np.atleast_1d(tau)

@@ -221,19 +221,19 @@ class HarmonicBalance:
         Raises
         ------
         SamplingError
-            If a smooth force would not need that many; a CornerError, which says where, if it has a corner.
+            If they do not and the force has a corner, which no number resolves: a CornerError, which says where.
         """
         if self.samples_are_settled:
             return True
-        if not self.sampling.may_double:
-            corner = self.corner(x, values)
-            if corner is not None:
-                raise CornerError(str(corner))
-        if self.aliasing(x, values) > ALIASING_TOL:
-            return False
-        # what is narrower than a sample lies between those of both; the tail of a kink's harmonics may go on a little
-        dense = self._with(self.sampling.dense())
-        return self._moved_by(dense, x, values) <= 10.0 * ALIASING_TOL
+        if self.sampling.may_double and self.aliasing(x, values) <= ALIASING_TOL:
+            # what is narrower than a sample lies between those of both; the tail of a kink's harmonics may go on a bit
+            dense = self._with(self.sampling.dense())
+            if self._moved_by(dense, x, values) <= 10.0 * ALIASING_TOL:
+                return True
+        corner = self.corner(x, values) if self.sampling.doubles_to_many else None
+        if corner is not None:
+            raise CornerError(str(corner))
+        return False
 
     def with_enough_samples(self, x: Array, values: Array) -> HarmonicBalance:
         """Return the same balance with the samples of the force that suffice at a solution; see `samples_suffice`."""
@@ -247,7 +247,7 @@ class HarmonicBalance:
 
         It says at once what all doublings would come to, were the motion to stay as it is.
         """
-        corner = self.corner(x, values) if self.sampling.may_double else None
+        corner = None if self.sampling.doubles_to_many else self.corner(x, values)
         if corner is not None and self._with(self.sampling.last_doubled()).aliasing(x, values) > ALIASING_TOL:
             raise CornerError(str(corner))
 

@@ -23,7 +23,10 @@ from hbnlp.systems.system import System
 HIGHEST_DEGREE = 9
 OUTPUT_SAMPLES = 2048
 """Of outputs in a program that are no polynomials of the motion: their harmonics beyond those fold back."""
-MOST_SAMPLES = 8192
+MANY_SAMPLES = 8192
+"""A force that takes more is smooth but steep, or has a corner, of which no number is enough: it is asked for one."""
+MOST_SAMPLES = 65_536
+"""Enough for ``tanh(d / width)`` where d passes at a speed by phase of some 2,000 widths."""
 MOST_HARMONICS = 10_000
 """The Jacobian of one degree of freedom fills 3 GB then."""
 MOST_GIVEN_SAMPLES = 10_000_000
@@ -113,8 +116,13 @@ class Sampling(FieldsAlone):
 
     @property
     def may_double(self) -> bool:
-        """Whether twice the samples of the force are no more than a smooth one would need."""
+        """Whether the force may take twice the samples."""
         return 2 * self.n_samples <= MOST_SAMPLES
+
+    @property
+    def doubles_to_many(self) -> bool:
+        """Whether twice the samples of the force are more than one takes that is not steep: it may have a corner."""
+        return 2 * self.n_samples > MANY_SAMPLES
 
     def dense(self) -> Sampling:
         """Return the policy with samples between which nothing wider than 1/2048 of a period is hidden."""
@@ -122,9 +130,9 @@ class Sampling(FieldsAlone):
         return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
 
     def last_doubled(self) -> Sampling:
-        """Return the policy that doubling comes to at last but one: that with the most samples which may be doubled."""
+        """Return the policy that doubling comes to before the force is asked for a corner."""
         n_samples = self.n_samples
-        while 4 * n_samples <= MOST_SAMPLES:
+        while 4 * n_samples <= MANY_SAMPLES:
             n_samples *= 2
         return dataclasses.replace(self, n_samples=n_samples, settled=False, automatic=False)
 
@@ -134,7 +142,7 @@ class Sampling(FieldsAlone):
         Raises
         ------
         CornerError
-            If these are more than a smooth force would need.
+            If these are more than a force may take.
         """
         if not self.may_double:
             raise CornerError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from hbnlp.branches.critical import with_multiplier
 from hbnlp.branches.events import Events
 from hbnlp.branches.floquet_points import bifurcation_function, critical_multiplier, crossings, samples_at
 from hbnlp.branches.folds import fold_by_newton, fold_sensitivity, left_null_vector
-from hbnlp.branches.forecast import Spectrum, hidden_crossing
+from hbnlp.branches.forecast import Spectrum, hidden_crossing, on_circle, turn
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.along import Along
 from hbnlp.continuation.branch_points import BranchPoint
@@ -38,8 +39,27 @@ BESIDE = 0.5
 """A fold nearer to a branch point than this part of the step is the turn of the branch there."""
 THERE = 1e-3
 """A point of the branch within this part of the step of a branch point has a tangent that is not worth its name."""
+CROWDED = 2e-3
+"""Longer steps have no more than one crossing of multipliers: between several there may be two that cancel."""
+LONG = 0.05
+"""Steps that are longer are made again with half their length where a multiplier turns by more than the following."""
+LARGEST_TURN = 0.4
+"""Radians, by which no parabola through the multipliers of three points follows them yet."""
+ASIDE = 0.8
+"""A step that ends where a multiplier is on the unit circle but for the tolerance is made this much shorter."""
+MOST_TIMES = 3
+SAME_PLACE = 0.01
+"""Steps whose ends are nearer than this part of them end at the same place, as at an end of the span."""
 STEADY = 1e-11
 """A tangent's parameter component below this has no sign that can be trusted."""
+
+
+class _Ended(NamedTuple):
+    """A step that ended where a multiplier is on the unit circle, and how many from the same point did."""
+
+    before: Point
+    after: Point
+    times: int = 1
 
 
 class Detector:
@@ -60,6 +80,7 @@ class Detector:
         self._known: list[tuple[Point, FloquetResult]] = []
         self._earlier: Spectrum | None = None
         self._crossing: BranchPoint | None = None
+        self._on_circle: _Ended | None = None
 
     def multipliers(self, curve: Equations, point: Point) -> FloquetResult | None:
         """Return the multipliers at a point of the curve, kept for the last few points; None where stability is off."""
@@ -69,7 +90,9 @@ class Detector:
         """Return the length of a step into what this one steps over; None if it hides nothing, or stability is off.
 
         A tongue between two points is entered and left by two crossings, which cancel at its ends: the determinants
-        then dip to zero and come back, and pairs of multipliers are forecast to leave the unit circle and return.
+        then dip to zero and come back, and pairs of multipliers are forecast to leave the unit circle and return. Steps
+        are made shorter as well where several crossings are in one, or multipliers turn too far to be followed, and
+        where a multiplier comes on the circle at the end, if that helps: it is on no side.
         """
         evaluator, length = self._evaluator, after.arclength - before.arclength
         if evaluator is None or length <= SHORTEST:
@@ -91,9 +114,34 @@ class Detector:
         place = _dip(earlier, here, there, look)
         if place is None and all(self._floquet(curve, point, evaluator).converged for point in (before, after)):
             place = hidden_crossing(earlier, here, there, look, evaluator.options.tol)
-        if place is None or place not in seen:
-            return None
-        return float(before.tangent / before.scale**2 @ (seen[place].y - before.y))
+        along = before.tangent / before.scale**2
+        if place is None:
+            kinds = crossings(*(self._floquet(curve, point, evaluator) for point in (before, after)))
+            if (length > CROWDED and len(kinds) > 1) or (length > LONG and turn(here, there) > LARGEST_TURN):
+                return 0.5 * float(along @ (after.y - before.y))
+            ends_on_it = self._ends_on_the_circle(before, after, here, there, evaluator)
+            return ASIDE * float(along @ (after.y - before.y)) if ends_on_it else None
+        return float(along @ (seen[place].y - before.y)) if place in seen else None
+
+    def _ends_on_the_circle(
+        self, before: Point, after: Point, here: Spectrum, there: Spectrum, evaluator: FloquetEvaluator
+    ) -> bool:
+        """Return whether more multipliers are on the circle at the end of a step than at its beginning.
+
+        Not where the step was made shorter for that in vain, as without damping, where all of them come to lie on it;
+        nor where the step before it was made shorter, and the same place is its end.
+        """
+        counts = [on_circle(each.multipliers, evaluator.options.tol) for each in (here, there)]
+        if counts[1] <= counts[0]:
+            return False
+        known, self._on_circle = self._on_circle, _Ended(before, after)
+        if known is None:
+            return True
+        if known.before is before:
+            self._on_circle = _Ended(before, after, known.times + 1)
+            return known.times < MOST_TIMES
+        length = known.after.arclength - known.before.arclength
+        return abs(known.after.arclength - after.arclength) > SAME_PLACE * length
 
     def between(self, curve: Equations, before: Point, after: Point, index: int) -> tuple[SpecialPoint, ...]:
         """Return the special points in a step; ``index`` is the number of the point before it."""
@@ -178,8 +226,7 @@ class Detector:
             return self._floquet(curve, point, evaluator)
 
         test = bifurcation_function(kind, before, after, at, which=which)
-        crosses = test(before) * test(after) < 0.0
-        located = locate(curve, before, after, test, self._newton) if crosses else None
+        located = locate(curve, before, after, test, self._newton) if test is not None else None
         if located is None:
             return _unrefined(curve, kind, before, after, index)
         critical = critical_multiplier(kind, at(located).multipliers)

@@ -17,7 +17,7 @@ from hbnlp.stability.result import FloquetResult
 Multipliers = Callable[[Point], FloquetResult]
 
 ROUNDING = 1e-8
-"""Factors of test functions below this have no sign that can be trusted."""
+"""Factors of test functions below this have no sign to be trusted; nor has a function relative to its other end."""
 
 
 def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
@@ -59,18 +59,32 @@ def _sample(factors: ComplexArray, place: float) -> Sample | None:
 
 def bifurcation_function(
     kind: Kind, before: Point, after: Point, at: Multipliers, *, which: int = 0
-) -> Callable[[Point], float]:
-    """Return a function that vanishes at the bifurcation between two points.
+) -> Callable[[Point], float] | None:
+    """Return a function that vanishes at the bifurcation between two points and differs in sign at these.
 
-    Of several Neimark-Sackers in one step, ``which`` counts them.
+    Of several Neimark-Sackers in one step, ``which`` counts them. At an end a multiplier may lie beyond the unit circle
+    by less than the tolerance, which counts as not beyond: then the function vanishes where it is beyond by that. None
+    if neither changes its sign by more than rounding.
     """
+    margin = max(at(point).options.tol for point in (before, after))
+    for radius in (1.0, 1.0 + margin):
+        test = _test(kind, before, after, at, which, radius)
+        ends = test(before), test(after)
+        if ends[0] * ends[1] < 0.0 and min(map(abs, ends)) > ROUNDING * max(map(abs, ends)):
+            return test
+    return None
+
+
+def _test(
+    kind: Kind, before: Point, after: Point, at: Multipliers, which: int, radius: float
+) -> Callable[[Point], float]:
     if kind is Kind.PERIOD_DOUBLING:
-        return _doubling_test(at)
+        return _doubling_test(at, radius)
     counted = _counted(at(before), at(after))
     if counted.hidden:
         return _product_test(at, before, after)
     # one that passes +1 or -1 as well does so first, last, or between two pairs
-    return _modulus_test(at, counted.fewest + 2 * which + counted.change % 2)
+    return _modulus_test(at, counted.fewest + 2 * which + counted.change % 2, radius)
 
 
 def critical_multiplier(kind: Kind, multipliers: ComplexArray) -> complex | None:
@@ -119,19 +133,19 @@ def _is_real(multipliers: ComplexArray) -> BoolArray:
     return np.asarray(np.abs(multipliers.imag) <= 1e-12 * np.abs(multipliers))
 
 
-def _doubling_test(at: Multipliers) -> Callable[[Point], float]:
+def _doubling_test(at: Multipliers, radius: float) -> Callable[[Point], float]:
     def test(point: Point) -> float:
-        """Determinant of (monodromy + 1), of the multipliers that matter."""
+        """Determinant of (monodromy + radius), of the multipliers that matter."""
         multipliers = at(point).multipliers
-        return float(np.prod(1.0 + multipliers[np.abs(multipliers) > MATTERS]).real)
+        return float(np.prod(radius + multipliers[np.abs(multipliers) > MATTERS]).real)
 
     return test
 
 
-def _modulus_test(at: Multipliers, place: int) -> Callable[[Point], float]:
+def _modulus_test(at: Multipliers, place: int, radius: float) -> Callable[[Point], float]:
     def test(point: Point) -> float:
-        """How far a modulus is from one, by its place from the largest: continuous where multipliers meet as well."""
-        return float(np.sort(np.abs(at(point).multipliers))[::-1][place] - 1.0)
+        """How far a modulus is beyond the radius, by its place from the largest: continuous where multipliers meet."""
+        return float(np.sort(np.abs(at(point).multipliers))[::-1][place] - radius)
 
     return test
 

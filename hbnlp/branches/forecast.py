@@ -58,7 +58,7 @@ def hidden_crossing(
         The multipliers at a place in between; None where they cannot be had: the place is then returned as if it hid
         something.
     margin : float
-        How far beyond the unit circle a multiplier has to be.
+        How far from the unit circle a multiplier has to be.
     """
     fewest, most = sorted((unstable(here.multipliers, margin), unstable(later.multipliers, margin)))
     known, place = [here, later], 0.5 * (here.place + later.place)
@@ -70,7 +70,9 @@ def hidden_crossing(
     closest = CLOSE * (later.place - here.place)
     for _ in range(MOST_LOOKS):
         seen = look(place)
-        if seen is None or not fewest <= unstable(seen, margin) <= most:
+        # what is nearer to the circle than the margin is neither outside nor inside: a step that ended there would
+        # begin and end with a crossing that it does not enclose
+        if seen is None or unstable(seen, margin) > most or unstable(seen, -margin) < fewest:
             return place
         known = sorted([*known, Spectrum(place, seen)], key=lambda each: each.place)
         nearby = [_forecast(three, three[0].place, margin) for three in zip(known, known[1:], known[2:], strict=False)]
@@ -84,6 +86,17 @@ def hidden_crossing(
 def unstable(multipliers: ComplexArray, margin: float) -> int:
     """Return how many multipliers are beyond the unit circle by more than a margin."""
     return int(np.count_nonzero(np.abs(multipliers) > 1.0 + margin))
+
+
+def on_circle(multipliers: ComplexArray, margin: float) -> int:
+    """Return how many multipliers are on the unit circle but for a margin."""
+    return int(np.count_nonzero(np.abs(np.abs(multipliers) - 1.0) <= margin))
+
+
+def turn(here: Spectrum, there: Spectrum) -> float:
+    """Return by how much the angle of a multiplier near the unit circle changes at most between two places."""
+    followed = _followed((here, here, there))
+    return 0.0 if followed is None else float(np.abs(np.log(followed[2] / followed[1]).imag).max(initial=0.0))
 
 
 class _Expected(NamedTuple):
@@ -116,7 +129,7 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
     inside = begin + INSIDE * (places[2] - begin)
     basis = _lagrange(places, inside)
     off = np.abs(np.prod(inside[:, None] - places, axis=1)) / (places[2] - places[0]) ** 3 / MIDWAY
-    widest = np.sqrt(basis @ square + error * off[:, None]).real
+    likely, either = basis @ square, error * off[:, None]
     known = np.abs(np.sqrt(square).real)
     ends = [0 if begin == places[0] else 1, 2]
     best = None
@@ -124,7 +137,8 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
         at_ends = mean[ends] + sign * known[ends]
         side = np.sign(at_ends[0])
         nearer = np.abs(at_ends).min(axis=0)
-        beyond = -side * (basis @ mean + sign * widest)  # positive beyond the circle, as seen from the ends
+        farthest = -side * sign  # the error that takes the multiplier farthest beyond the circle, as seen from the ends
+        beyond = -side * (basis @ mean + sign * np.sqrt(likely + farthest * either).real)
         worth = np.minimum(beyond + FAR * nearer, beyond + nearer - 4.0 * margin).max(axis=0)
         worth[at_ends[0] * at_ends[1] <= 0.0] = -np.inf
         k = int(worth.argmax())
@@ -132,8 +146,8 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
 
             def distance(at: Array, k: int = k, sign: float = sign, side: float = side[k]) -> Array:
                 rows = _lagrange(places, at)
-                likely = np.sqrt(rows @ square[:, k] + error[k]).real
-                return np.asarray(side * (rows @ mean[:, k] + sign * likely))
+                half = np.sqrt(rows @ square[:, k] - side * sign * error[k]).real
+                return np.asarray(side * (rows @ mean[:, k] + sign * half))
 
             best = _Expected(float(worth[k]), _lowest(distance, inside))
     return best

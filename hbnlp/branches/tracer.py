@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 
 import casadi as ca
+import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
@@ -25,6 +26,7 @@ from hbnlp.core.interrupts import guarded, interrupts_kept
 from hbnlp.core.kinds import End
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
+from hbnlp.core.types import Array
 from hbnlp.solutions.equations import Equations
 from hbnlp.solutions.events import EventFunction, events_of
 from hbnlp.solutions.solution import Solution, attached
@@ -193,7 +195,12 @@ class Tracer(StaysHere):
             curve = self._walk.curve
             motions = [last.y, last.y + self.options.step * last.tangent]
             corners = [curve.problem.corner(curve.unknowns.coefficients(y), curve.values(y)) for y in motions]
-            self._corner = next((f"{self._walk.stop.value}; perhaps because {each}" for each in corners if each), "")
+            reasons = [str(each) for each in corners if each is not None]
+            if not reasons and not _is_finite(curve, motions[-1]):
+                reasons = [
+                    "the value or a derivative of nonlinear_force is not finite on the motions ahead: smooth it there"
+                ]
+            self._corner = f"{self._walk.stop.value}; perhaps because {reasons[0]}" if reasons else ""
 
     def _judge(self, curve: Equations, before: Point, after: Point) -> Equations | float | None:
         """Return a curve on which a step is to be made again, the length of a shorter one, or None: it will do."""
@@ -264,3 +271,11 @@ def _problem_and_start(
         return attached(subject), subject
     instance_of("subject", subject, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...), or a Solution")
     return subject, start
+
+
+@np.errstate(all="ignore")
+def _is_finite(curve: Equations, y: Array) -> bool:
+    """Return whether the equations and their derivatives are finite at a point."""
+    jacobian = np.zeros((curve.size, y.size))
+    curve.jacobian(y, jacobian)
+    return bool(np.isfinite(curve.residual(y)).all() and np.isfinite(jacobian).all())

@@ -22,12 +22,14 @@ from typing import NamedTuple
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.continuation.arclength import PseudoArclength
+from hbnlp.continuation.arclength import PseudoArclength, Stop
 from hbnlp.continuation.point import start_point
 from hbnlp.continuation.walk import Walk
 from hbnlp.core.types import Array
 from hbnlp.fourier import differentiation
 
+MOST_STEPS = 10_000
+"""Between wells the way turns again and again: with five degrees of freedom and seven harmonics some 3,000 times."""
 RUNS_AWAY = 1e6
 """Motions that are larger by this factor than those of either linear system will not come back."""
 
@@ -106,7 +108,7 @@ def from_linear_system(problem: HarmonicBalance, values: Array, linear: Array) -
     curve = Homotopy(problem, values, linear)
     start = np.zeros(curve.size + 1)
     onward = np.append(start[:-1], 1.0)
-    walk = Walk(curve, start_point(curve, start, onward), PseudoArclength(max_points=2000), limits=(0.0, 1.0))
+    walk = Walk(curve, start_point(curve, start, onward), PseudoArclength(max_points=MOST_STEPS), limits=(0.0, 1.0))
     for _before, after in walk:
         if after.value == 1.0:
             return Way(after.y[:-1])
@@ -117,5 +119,7 @@ def from_linear_system(problem: HarmonicBalance, values: Array, linear: Array) -
                 "motion of these periods exists; hbnlp.integrate(...) shows to what the system settles, or that it "
                 "escapes",
             )
-    why = walk.stop.value if walk.stop is not None else ""
-    return Way(None, f"the way from a damped linear system ends at {walk.point.value:.2g} of this one: {why}")
+    ends = f"the way from a damped linear system ends at {walk.point.value:.2g} of this one"
+    if walk.stop is None or walk.stop is Stop.MAX_POINTS:
+        return Way(None, f"{ends}, after {MOST_STEPS} steps")
+    return Way(None, f"{ends}: {walk.stop.value}")

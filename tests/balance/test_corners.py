@@ -138,7 +138,7 @@ def test_a_corner_is_the_reason_why_no_number_of_samples_is_enough():
     with pytest.raises(ConvergenceError, match=message):
         solve(problem, at={"omega": 0.7})
     known = solve(HarmonicBalance(problem.system, 3, n_samples=512), at={"omega": 0.7})
-    while problem.sampling.may_double:
+    while not problem.sampling.doubles_to_many:
         problem = problem.oversampled()
     with pytest.raises(CornerError, match=message):
         problem.samples_suffice(known.coefficients.ravel(), problem.values({"omega": 0.7}))

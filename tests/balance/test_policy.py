@@ -12,6 +12,7 @@ import pytest
 
 from hbnlp.balance.problem import MOST_RELATIVES, HarmonicBalance
 from hbnlp.balance.sampling import ALIASING_TOL, MOST_SAMPLES, Sampling
+from hbnlp.solutions.solving import solve
 from hbnlp.systems import chain, duffing
 from hbnlp.systems.spectrum import Spectrum
 from hbnlp.systems.system import System
@@ -98,6 +99,23 @@ def test_samples_suffice_where_twice_as_many_leave_the_residual():
         assert (moved <= ALIASING_TOL * problem.assembly.term_size(x, values)) == enough
         assert problem.samples_suffice(x, values) is enough
     assert HarmonicBalance(pendulum(), 3, n_samples=25).samples_suffice(x, values)
+
+
+@pytest.mark.parametrize(("width", "least"), [(1e-1, 100), (1e-2, 1000), (1e-3, 8193)])
+def test_a_steep_force_takes_the_samples_that_it_needs(width, least):
+    """Of tanh(v / width) harmonic k falls as exp(-k width / speed): 10 to 20 speed / width samples, speed 1.1."""
+    system = System(
+        1.0,
+        0.1,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: [0.2 * ca.tanh(v[0] / width)],
+        forcing=lambda tau, p: [ca.cos(tau)],
+    )
+    solution = solve(HarmonicBalance(system, 3), at={"omega": 1.5})
+    assert least <= solution.problem.n_samples <= 2 * least
+    dense = HarmonicBalance(system, 3, n_samples=2**17)
+    x, values = solution.coefficients.ravel(), dense.values({"omega": 1.5})
+    assert np.abs(dense.assembly.residual(x, values)).max() <= 1e-9 * dense.assembly.term_size(x, values)
 
 
 # -- relatives ---------------------------------------------------------------------------------------------------------

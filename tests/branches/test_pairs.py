@@ -75,6 +75,40 @@ def test_two_real_multipliers_whose_product_passes_one_are_no_neimark_sacker(bac
     assert point.value == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("damping", [1e-10, 0.0])
+def test_a_pair_that_begins_on_the_circle_but_for_the_tolerance_leaves_it_there(damping):
+    """q'' - (mu + damping) q' + 2 q: the moduli are 1 + 3e-10 at the first point, which counts as not beyond one."""
+    branch = along_rest(
+        False,
+        (0.0, 0.5),
+        mass=1.0,
+        damping=lambda p: -(p.mu + damping),
+        stiffness=2.0,
+        nonlinear_force=lambda q, v, tau, p: q**3,
+    )
+    (point,) = branch.special_points
+    assert point.kind.code == "NS"
+    assert point.refined
+    assert point.value == pytest.approx(0.0, abs=1e-6)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize("centre", [0.21, 0.3, 0.33, 0.4, 0.47])
+def test_a_shallow_passage_through_the_circle_is_found_where_it_is(centre, backwards):
+    """q'' + c (w^2 - (mu - centre)^2) q' + 2 q: |multiplier| - 1 is -5e-6 at the centre; a step may end within 1e-6."""
+    width = 0.04
+    branch = along_rest(
+        backwards,
+        (0.0, 0.6),
+        mass=1.0,
+        damping=lambda p: 1e-3 * (width**2 - (p.mu - centre) ** 2),
+        stiffness=2.0,
+        nonlinear_force=lambda q, v, tau, p: q**3,
+    )
+    values = sorted(point.value for point in branch.special_points)
+    np.testing.assert_allclose(values, [centre - width, centre + width], atol=1e-6)
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_tongues_of_two_oscillators_pumped_at_the_sum_of_their_frequencies_are_found(seed):
     """They leave the circle within +-2 sqrt(k^2 - g^2 / 4) of the sum, k = depth / (4 sqrt(w1 w2)), by averaging."""
@@ -131,6 +165,31 @@ def test_pairs_that_leave_the_circle_where_they_meet_are_forecast(coupling, shar
 
     place = hidden_crossing(*spectra, look, 1e-6)
     assert np.sort(np.abs(meeting(place, coupling=coupling)))[-3] > 1.0
+    assert len(looks) <= 3
+
+
+@pytest.mark.parametrize("share", [0.35, 0.5, 0.65])
+@pytest.mark.parametrize("depth", [1e-5, 1e-4])
+def test_a_pair_that_comes_inside_where_it_meets_another_is_forecast(depth, share):
+    """One pair is outside by about 0.001 before and after, and inside by the depth at the meeting."""
+    outside, inner = 0.001, 0.117
+    half = 0.5 * (inner + outside)
+    coupling = 1j * np.sqrt(half**2 - (0.5 * (inner - outside) - depth) ** 2)
+    places = 0.1 * (np.array([-1.0, 0.0, 1.0]) - share)
+    spectra, looks = [], []
+
+    def at(place):
+        return meeting(place, coupling=coupling, decays=(-outside, inner), other=0.5)
+
+    def look(place):
+        looks.append(place)
+        return at(place)
+
+    spectra = [Spectrum(place, at(place)) for place in places]
+    assert all(np.abs(spectrum.multipliers).max() > 1.0 for spectrum in spectra)
+    place = hidden_crossing(*spectra, look, 1e-6)
+    assert place is not None
+    assert np.abs(at(place)).max() < 1.0
     assert len(looks) <= 3
 
 

@@ -191,7 +191,7 @@ def test_an_optimum_on_whose_motion_the_force_has_a_corner_says_so_and_is_kept()
     )  # fmt: skip
     known = hbnlp.solve(hbnlp.HarmonicBalance(gap, 3, n_samples=512), at={"omega": 0.7})
     sampled = hbnlp.HarmonicBalance(gap, 3)
-    while sampled.sampling.may_double:
+    while not sampled.sampling.doubles_to_many:
         sampled = sampled.oversampled()
     shared = Variables({"force": (0.9, 1.1)})
     program = Program(shared, [response_at(sampled, shared, known)], objective=shared["force"])
