@@ -146,6 +146,18 @@ def test_a_force_beyond_measure_is_told(problem):
         hbnlp.solve(problem, at={"omega": 1.0, "force": 1e200})
 
 
+def test_a_force_too_small_to_measure_is_told(problem):
+    with pytest.raises(ValueError, match=r"load of forcing or motion is 1.*e-300; give none, or one from 1e-140"):
+        hbnlp.solve(problem, at={"omega": 1.0, "force": 1e-300})
+    assert hbnlp.solve(problem, at={"omega": 1.0, "force": 0.0}).converged
+
+
+def test_an_infinite_term_of_a_force_is_told():
+    system = hbnlp.System(1.0, 0.1, 1.0, nonlinear_force=lambda q, v, tau, p: [q[0] ** 3 + np.inf])
+    with pytest.raises(hbnlp.NonFiniteError, match="the value of nonlinear_force"):
+        hbnlp.solve(hbnlp.HarmonicBalance(system, 1), at={"omega": 1.0})
+
+
 def test_a_system_without_mass_has_no_solution_here():
     system = hbnlp.System([[0.0]], [[1.0]], [[1.0]], forcing=lambda tau, p: [ca.cos(tau)])
     with pytest.raises(ValueError, match="mass matrix is singular"):

@@ -228,8 +228,15 @@ class Solution(ReadOnlyArrays):
         return (
             f"Solution ({self.status.name.lower()}), {self.n_harmonics} harmonics of omega"
             f"{f' / {self.periods}' if self.periods > 1 else ''}\n  at {values}\n  first harmonics: {first}\n  "
-            f"{statistics}"
+            f"{statistics}{self._beyond_tolerance()}"
         )
+
+    def _beyond_tolerance(self) -> str:
+        """Return what is to be said where the most harmonics do not meet the problem's tolerance."""
+        policy, error = self.problem.truncation if self.problem else None, self.statistics.get("truncation_error")
+        if policy is None or not isinstance(error, float) or error <= policy.tolerance:
+            return ""
+        return f": not within the tolerance {policy.tolerance:g} with most_harmonics = {policy.most_harmonics}"
 
 
 def _row(solution: Solution) -> dict[str, Any]:

@@ -23,6 +23,8 @@ MANY = 20
 """Harmonics of the forcing with which a cold start begins at most, where fewer lead nowhere."""
 LARGEST_LOAD = 1e100
 """Of larger ones the squares, which norms sum, are no numbers any more."""
+SMALLEST_LOAD = 1e-140
+"""Of smaller ones, other than none, they are nothing."""
 
 
 @renamed_arguments(guess="start")
@@ -68,8 +70,9 @@ def solve(
     values = problem.values(at)
     problem.system.state_matrices(values)  # a singular mass matrix is said here
     load = float(np.max(np.abs(problem.assembly.load_derivative(values)), initial=0.0))
-    if load > LARGEST_LOAD:
-        raise refused(ValueError, "the load of forcing or motion", load, f"one up to {LARGEST_LOAD:g}, in other units")
+    if load > LARGEST_LOAD or 0.0 < load < SMALLEST_LOAD:
+        accepted = f"none, or one from {SMALLEST_LOAD:g} to {LARGEST_LOAD:g}, in other units"
+        raise refused(ValueError, "the load of forcing or motion", load, accepted)
     method = Newton() if method is None else method
     instance_of("method", method, Method, "Newton(), Ipopt() or Rootfinder()")
     flag("throw", throw)
