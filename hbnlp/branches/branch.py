@@ -28,7 +28,7 @@ from hbnlp.core.layout import (
     texts,
     whole,
 )
-from hbnlp.core.records import AlongParameter, loaded, save_record
+from hbnlp.core.records import AlongParameter, check_parameters, loaded, save_record
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs, check_problem
@@ -251,6 +251,9 @@ class Branch(AlongParameter):
         """
         check_problem(problem)
         with loaded(path, _LAYOUT) as content:
+            check_parameters(content, content["name"], names=["omega", *content["parameter_names"]])
+            if content["name"] not in content["parameter_names"]:
+                raise ValueError(f"its name {content['name']!r} is none of its parameters")
             content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
             content["special_points"] = unpacked(content, problem)
             branch = cls(**content, problem=problem)

@@ -17,7 +17,7 @@ from hbnlp.core.checks import finite_array, instance_of, position, refused
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Layout, counted_from_one, facts, name_in, numbers_by_name, table, texts
-from hbnlp.core.records import loaded, save_record
+from hbnlp.core.records import check_parameters, loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
@@ -189,6 +189,9 @@ class Solution(ReadOnlyArrays):
         """
         check_problem(problem)
         with loaded(path, _LAYOUT) as content:
+            check_parameters(content)
+            if len(content["coefficients"]) == 0:
+                raise ValueError("it has no displacements")
             rows, coefficients, amplitudes = (
                 content.pop(name) for name in ("origin", "origin_coefficients", "origin_amplitudes")
             )
