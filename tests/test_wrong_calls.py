@@ -146,6 +146,30 @@ def test_a_force_beyond_measure_is_told(problem):
         hbnlp.solve(problem, at={"omega": 1.0, "force": 1e200})
 
 
+def test_a_force_too_small_to_measure_is_told(problem):
+    with pytest.raises(ValueError, match=r"load of forcing or motion is 1.*e-300; give none, or one from 1e-140"):
+        hbnlp.solve(problem, at={"omega": 1.0, "force": 1e-300})
+    assert hbnlp.solve(problem, at={"omega": 1.0, "force": 0.0}).converged
+
+
+def test_an_excitation_of_which_nothing_would_be_kept_is_told():
+    system = hbnlp.System(1.0, 0.1, 1.0, forcing=lambda tau, p: [p.mean + ca.cos(20 * tau)], parameters={"mean": 0.0})
+    for options, needed in (({"n_harmonics": 3}, 20), ({"n_harmonics": 39, "periods": 2}, 40)):
+        problem = hbnlp.HarmonicBalance(system, **options)
+        message = f"n_harmonics is {options['n_harmonics']}; give {needed} or more: forcing .* harmonic 20 of omega"
+        with pytest.raises(ValueError, match=message):
+            hbnlp.solve(problem, at={"omega": 0.1})
+        with pytest.raises(ValueError, match=message):
+            hbnlp.trace(problem, "omega", (0.1, 0.2), at={"mean": 1.0})
+    assert hbnlp.solve(hbnlp.HarmonicBalance(system, 20), at={"omega": 0.1}).converged
+
+
+def test_an_infinite_term_of_a_force_is_told():
+    system = hbnlp.System(1.0, 0.1, 1.0, nonlinear_force=lambda q, v, tau, p: [q[0] ** 3 + np.inf])
+    with pytest.raises(hbnlp.NonFiniteError, match="the value of nonlinear_force"):
+        hbnlp.solve(hbnlp.HarmonicBalance(system, 1), at={"omega": 1.0})
+
+
 def test_a_system_without_mass_has_no_solution_here():
     system = hbnlp.System([[0.0]], [[1.0]], [[1.0]], forcing=lambda tau, p: [ca.cos(tau)])
     with pytest.raises(ValueError, match="mass matrix is singular"):

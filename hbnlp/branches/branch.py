@@ -27,7 +27,7 @@ from hbnlp.core.layout import (
     texts,
     whole,
 )
-from hbnlp.core.records import AlongParameter, content_of, loaded, save_columns
+from hbnlp.core.records import AlongParameter, check_parameters, content_of, loaded, save_columns
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
 from hbnlp.solutions.attaching import check_belongs, check_problem
@@ -274,6 +274,9 @@ class Branch(AlongParameter, Tabular):
         ValueError
             If they are at odds.
         """
+        check_parameters(content, content["name"], names=["omega", *content["parameter_names"]])
+        if content["name"] not in content["parameter_names"]:
+            raise ValueError(f"its name {content['name']!r} is none of its parameters")
         content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
         content["special_points"] = unpacked(content, problem)
         return cls(**content, problem=problem)

@@ -157,6 +157,8 @@ def _check_column(name: str, array: Any, column: Column, lengths: dict[str, int]
         raise ValueError(f"its {name} has the shape {array.shape}; ({', '.join(parts)}) is needed{where}")
     if finite and not np.isfinite(array).all():
         raise ValueError(f"its {name} has values that are not finite")
+    if column.kind is int and array.size and array.min() < 0:  # they count, all of them
+        raise ValueError(f"its {name} has the value {array.min()}; whole numbers that are not negative are needed")
 
 
 def _fits(size: int, part: str, lengths: dict[str, int]) -> bool:

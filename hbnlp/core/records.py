@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -84,6 +84,13 @@ def loaded(path: str | os.PathLike[str], layout: Layout, *, plain: bool = False)
         loose = frozenset(metadata.pop("not_finite", ()))
         columns, values = layout.check(arrays, metadata, loose=loose)
         yield columns | values
+
+
+def check_parameters(content: Mapping[str, Any], *varied: str, names: Sequence[str] = ("omega",)) -> None:
+    """Raise a ValueError unless a record read from a file has the parameters of these names, or varies them."""
+    for name in names:
+        if name not in varied and name not in content["parameters"]:
+            raise ValueError(f"its parameters lack {name!r}")
 
 
 class AlongParameter(ReadOnlyArrays):

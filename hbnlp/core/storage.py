@@ -128,7 +128,7 @@ def load_arrays(
     if found != kind:
         also = f", {GONE[str(found)]}" if str(found) in GONE else f", not a {kind}; load it as what it is"
         raise LoadError(f"{str(source)!r} holds a {found}{also}")
-    if not isinstance(version, int) or version > FORMAT:
+    if not isinstance(version, int) or not 0 <= version <= FORMAT:
         raise LoadError(
             f"{str(source)!r} is of format {version!r}, this version of hbnlp reads formats up to {FORMAT}; "
             "load it with the version that wrote it, or a later one"

@@ -23,7 +23,7 @@ from hbnlp.core.layout import (
     texts,
     whole,
 )
-from hbnlp.core.records import loaded, save_record
+from hbnlp.core.records import check_parameters, loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.integration.cvodes import Adaptive
@@ -140,6 +140,7 @@ class TimeResponse(ReadOnlyArrays, Tabular):
             (A `ValueError`.) If the file is damaged or holds something else.
         """
         with loaded(path, _LAYOUT) as content:
+            check_parameters(content)
             n_state = 2 * content["q"].shape[1] + content["x"].shape[1]
             if content["state"].size != n_state:
                 raise ValueError(f"its state has {content['state'].size} entries, its displacements need {n_state}")

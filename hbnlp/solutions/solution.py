@@ -17,7 +17,7 @@ from hbnlp.core.checks import finite_array, instance_of, position, refused
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Layout, counted_from_one, facts, name_in, numbers_by_name, table, texts
-from hbnlp.core.records import loaded, save_record
+from hbnlp.core.records import check_parameters, loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
@@ -194,6 +194,9 @@ class Solution(ReadOnlyArrays, Tabular):
         """
         check_problem(problem)
         with loaded(path, _LAYOUT) as content:
+            check_parameters(content)
+            if len(content["coefficients"]) == 0:
+                raise ValueError("it has no displacements")
             rows, coefficients, amplitudes = (
                 content.pop(name) for name in ("origin", "origin_coefficients", "origin_amplitudes")
             )
@@ -233,8 +236,15 @@ class Solution(ReadOnlyArrays, Tabular):
         return (
             f"Solution ({self.status.name.lower()}), {self.n_harmonics} harmonics of omega"
             f"{f' / {self.periods}' if self.periods > 1 else ''}\n  at {values}\n  first harmonics: {first}\n  "
-            f"{statistics}"
+            f"{statistics}{self._beyond_tolerance()}"
         )
+
+    def _beyond_tolerance(self) -> str:
+        """Return what is to be said where the most harmonics do not meet the problem's tolerance."""
+        policy, error = self.problem.truncation if self.problem else None, self.statistics.get("truncation_error")
+        if policy is None or not isinstance(error, float) or error <= policy.tolerance:
+            return ""
+        return f": not within the tolerance {policy.tolerance:g} with most_harmonics = {policy.most_harmonics}"
 
 
 def _row(solution: Solution) -> dict[str, Any]:

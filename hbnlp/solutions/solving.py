@@ -14,15 +14,22 @@ from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Status
 from hbnlp.core.renamed import renamed_arguments
+from hbnlp.core.types import Array
+from hbnlp.fourier import to_complex
 from hbnlp.solutions.accuracy import problem_and_guess
 from hbnlp.solutions.attempt import Method, attempt
 from hbnlp.solutions.cold_start import cold_start
 from hbnlp.solutions.solution import Solution, attached
+from hbnlp.systems.signals import excitation_signals
 
 MANY = 20
 """Harmonics of the forcing with which a cold start begins at most, where fewer lead nowhere."""
 LARGEST_LOAD = 1e100
 """Of larger ones the squares, which norms sum, are no numbers any more."""
+SMALLEST_LOAD = 1e-140
+"""Of smaller ones, other than none, they are nothing."""
+NOTHING = 1e-12
+"""Part of the largest harmonic of an excitation that is round-off."""
 
 
 @renamed_arguments(guess="start")
@@ -68,8 +75,10 @@ def solve(
     values = problem.values(at)
     problem.system.state_matrices(values)  # a singular mass matrix is said here
     load = float(np.max(np.abs(problem.assembly.load_derivative(values)), initial=0.0))
-    if load > LARGEST_LOAD:
-        raise refused(ValueError, "the load of forcing or motion", load, f"one up to {LARGEST_LOAD:g}, in other units")
+    if load > LARGEST_LOAD or 0.0 < load < SMALLEST_LOAD:
+        accepted = f"none, or one from {SMALLEST_LOAD:g} to {LARGEST_LOAD:g}, in other units"
+        raise refused(ValueError, "the load of forcing or motion", load, accepted)
+    _check_excitation(problem, values)
     method = Newton() if method is None else method
     instance_of("method", method, Method, "Newton(), Ipopt() or Rootfinder()")
     flag("throw", throw)
@@ -95,3 +104,28 @@ def solve(
         reason = f"{reason}; perhaps because {corner}"
     point = ", ".join(f"{k}={v:g}" for k, v in solution.parameters.items())
     raise ConvergenceError(f"no solution at {point}: {reason}. {Status.NOT_CONVERGED.value}", solution)
+
+
+def _check_excitation(problem: HarmonicBalance, values: Array) -> None:
+    """Raise a ValueError if forcing and motion vary, but in no harmonic that the problem has: nothing would move."""
+    sizes = [np.zeros(2)]
+    for signals in excitation_signals(problem.system):
+        if signals.highest is None:
+            return
+        if signals.highest:
+            amplitudes = np.abs(to_complex(signals.coefficients(values, signals.highest)))
+            sizes.append(amplitudes.max(axis=0, initial=0.0))
+    largest = np.zeros(max(size.size for size in sizes))
+    for size in sizes:
+        largest[: size.size] = np.maximum(largest[: size.size], size)
+    kept = problem.sampling.n_harmonics_of_excitation
+    within, beyond = largest[1 : kept + 1].max(initial=0.0), largest[kept + 1 :].max(initial=0.0)
+    if within <= NOTHING * beyond and beyond > 0.0:
+        lowest = kept + 1 + int(np.argmax(largest[kept + 1 :] > NOTHING * beyond))
+        needed = lowest * problem.periods
+        raise refused(
+            ValueError,
+            "n_harmonics",
+            problem.n_harmonics,
+            f"{needed} or more: forcing and motion begin with harmonic {lowest} of omega, and nothing would be kept",
+        )

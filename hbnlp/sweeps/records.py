@@ -13,7 +13,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import instance_of, place
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Entry, Layout, counted_from_one, flag, numbers_by_name, text, texts
-from hbnlp.core.records import AlongParameter, loaded, save_record
+from hbnlp.core.records import AlongParameter, check_parameters, loaded, save_record
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
@@ -136,6 +136,7 @@ class Sweep(AlongParameter, Tabular):
         """
         check_problem(problem)
         with loaded(path, _SWEEP) as content:
+            _check(content)
             content["n_harmonics"] = numbers_of_harmonics(content["n_harmonics"], content["coefficients"])
             sweep = cls(**content, problem=problem)
         solved = np.flatnonzero(sweep.converged)
@@ -272,6 +273,7 @@ class TimeSweep(AlongParameter, Tabular):
         """
         instance_of("system", system, System | None, "the System of the record, or None")
         with loaded(path, _TIME_SWEEP) as content:
+            _check(content)
             if content["coefficients"] is None:
                 n_points, _, length = content["amplitudes"].shape
                 content["coefficients"] = np.full((n_points, 0, 2 * length - 1), np.nan)
@@ -297,6 +299,13 @@ class TimeSweep(AlongParameter, Tabular):
             f"  jumps: {jumps}\n"
             f"  {self.message}"
         )
+
+
+def _check(content: dict[str, Any]) -> None:
+    """Raise a ValueError if a sweep read from a file lacks a parameter, or has a jump beyond its end."""
+    check_parameters(content, content["name"])
+    if np.any(content["jumps"] >= content["parameter"].size):
+        raise ValueError(f"it has a jump at value {content['jumps'].max()} of {content['parameter'].size}")
 
 
 def _check_repeats(system: System, sweep: TimeSweep) -> None:

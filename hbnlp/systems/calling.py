@@ -217,6 +217,11 @@ _RULES = (
     _Rule(
         "not iterable by design|has no len|'SX' object has no attribute", "a CasADi column is no numpy array", _COLUMN
     ),
+    _Rule(
+        "'method'|builtin_function_or_method",
+        "a method stands where a value is meant",
+        "call it, with (), or, of a parameter named get, items, keys or values, write p['values']",
+    ),
     _Rule("'MX'", "MX symbols stand beside SX symbols", "write it with the symbols given to it alone"),
     _Rule("eval_sx", "this function of CasADi takes no SX symbols", "write it with ca.if_else, ca.pw_lin or sums"),
     _Rule(r"overloaded function '(?:SX_)?(\w+)'", r"CasADi's \1 does not take these arguments"),

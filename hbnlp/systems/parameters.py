@@ -13,6 +13,8 @@ from hbnlp.core.types import Array
 
 OMEGA = "omega"
 """The parameter that every system has: the angular frequency of its excitation."""
+LARGEST_OMEGA = 1e30
+"""Of a larger one the motion is lost beside the round-off of its mean, and the square may be no number."""
 
 
 class Namespace(Mapping[str, Any]):
@@ -53,9 +55,16 @@ class Namespace(Mapping[str, Any]):
 
 
 class ParameterSet:
-    """Ordered parameter names with default values; a value of ``nan`` is "to be given"."""
+    """Ordered parameter names with default values; a value of ``nan`` is "to be given".
 
-    def __init__(self, defaults: Mapping[str, float]) -> None:
+    Parameters
+    ----------
+    defaults : mapping of names to values
+    least : mapping of names to values, optional
+        Below which some of them have no meaning.
+    """
+
+    def __init__(self, defaults: Mapping[str, float], *, least: Mapping[str, float] | None = None) -> None:
         instance_of("parameters", defaults, Mapping, "a mapping of names to values, such as {'force': 1.0}")
         entries = dict(defaults)
         entries.setdefault(OMEGA, np.nan)
@@ -68,6 +77,7 @@ class ParameterSet:
                 raise refused(ValueError, f"parameter {name!r}", value, "a finite number")
             self.defaults[name] = number
         self.names: tuple[str, ...] = tuple(entries)
+        self.least = dict(least or {})
 
     def index(self, name: str) -> int:
         """Return the position of ``name``, or raise a KeyError with the nearest known name."""
@@ -97,6 +107,7 @@ class ParameterSet:
                 number = as_float(value)
                 if number is None or not np.isfinite(number):
                     raise refused(ValueError, f"parameter {name!r}", value, "a finite number")
+                self._check_least(name, number, f"parameter {name!r}", value)
                 merged[name] = number
         free = set(but)
         for name in free:
@@ -122,8 +133,10 @@ class ParameterSet:
         """
         self.index(name)
         numbers = finite_numbers(what, values)
+        self._check_least(name, float(numbers.min()), what, values)
         if name == OMEGA:
-            check_period(float(numbers.min()), f"{what} of omega reach")
+            for omega in (numbers.min(), numbers.max()):
+                check_period(float(omega), f"{what} of omega reach")
         return numbers
 
     def span(self, name: str, span: Any, *, what: str = "span") -> tuple[float, float]:
@@ -138,6 +151,7 @@ class ParameterSet:
         """
         self.index(name)
         begin, end = two_values(what, span, f"values of {name}")
+        self._check_least(name, min(begin, end), what, span)
         if name == OMEGA and min(begin, end) <= 0.0:
             raise refused(
                 ValueError,
@@ -145,7 +159,14 @@ class ParameterSet:
                 span,
                 "two values above omega = 0, where the period is infinite: from 1e-3 on",
             )
+        if name == OMEGA:
+            check_period(max(begin, end), f"{what} reaches omega =")
         return begin, end
+
+    def _check_least(self, name: str, lowest: float, what: str, given: Any) -> None:
+        """Raise a ValueError that names what was given if the lowest value in it has no meaning."""
+        if lowest < self.least.get(name, -np.inf):
+            raise refused(ValueError, what, given, f"values of {name} of at least {self.least[name]:g}")
 
     def ordered(self, mapping: Mapping[str, float]) -> Array:
         """Return the values of a mapping that has every parameter, in order, whatever the order of the mapping.
@@ -181,3 +202,5 @@ def check_period(omega: float, said: str = "omega =") -> None:
     """Raise a ValueError, which begins as said, unless the excitation has a period at this omega."""
     if not omega > 0.0:
         raise ValueError(f"{said} {omega:g}; the period of the excitation is 2 pi / omega: give omega > 0")
+    if omega > LARGEST_OMEGA:
+        raise ValueError(f"{said} {omega:g}; give one up to {LARGEST_OMEGA:g}, in other units")

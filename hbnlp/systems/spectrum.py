@@ -75,7 +75,7 @@ def _result(operation: int, of: list[_Read], numbers: list[float | None]) -> _Re
     known = [each for each in of if isinstance(each, Spectrum)]
     first, last = known[0], known[-1]
     exponent = numbers[-1]
-    power = int(exponent) if exponent is not None and exponent >= 0.0 and exponent == int(exponent) else None
+    power = int(exponent) if exponent is not None and exponent >= 0.0 and exponent.is_integer() else None
     result: Spectrum | None = None
     if all(each == _CONSTANT for each in known):
         result = _CONSTANT
@@ -110,6 +110,6 @@ def _of_phases(operation: int, of: list[_Read], numbers: list[float | None]) -> 
         factor = None if number is None else number * (first or last)
     elif operation == ca.OP_DIV and numbers[-1]:
         factor = first / numbers[-1]
-    if factor is None or factor != int(factor):
+    if factor is None or not float(factor).is_integer():
         return None
     return _Phase(int(factor)) if factor else _CONSTANT

@@ -125,7 +125,7 @@ class System:
         *,
         nonlinear_force: Force | None = None,
         forcing: Signal | None = None,
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, float] | ParameterSet | None = None,
         outputs: Mapping[str, Output] | None = None,
         lag_state: ArrayLike | None = None,
         lag_input: ArrayLike | None = None,
@@ -150,7 +150,9 @@ class System:
         for what, matrix_given in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             if matrix_given is None:
                 raise refused(ValueError, what, matrix_given, "a matrix, of zeros where there is none")
-        known = ParameterSet({} if parameters is None else parameters)
+        known = parameters
+        if not isinstance(known, ParameterSet):
+            known = ParameterSet({} if known is None else known)
         p, tau = ca.SX.sym("p", len(known.names)), ca.SX.sym("tau")
         named = Namespace("parameter", {key: p[i] for i, key in enumerate(known.names)})
 

@@ -22,6 +22,7 @@ from hbnlp.core.checks import instance_of, real_number, refused, unknown_name
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
 from hbnlp.systems.expressions import Output
+from hbnlp.systems.parameters import ParameterSet
 from hbnlp.systems.system import System
 from hbnlp.wing.membrane import Membrane
 
@@ -137,7 +138,7 @@ heave_amplitude=0, heave_phase=0, omega=?
         lambda p: membrane.stiffness_matrix(p) - ca.DM(rom.stiffness[1:, 2:]),
         nonlinear_force=lambda q, v, tau, p: membrane.nonlinear_force(q, p),
         forcing=lambda tau, p: static[1:],
-        parameters=values,
+        parameters=ParameterSet(values, least=LEAST),
         outputs={
             **lift,
             "midchord": lambda s: midchord @ s.q,

@@ -193,6 +193,39 @@ def test_plain_values_that_are_missing_or_of_another_kind_are_refused(kind, tmp_
                 assert "bad.npz" in str(error)  # noqa: PT017 - some of them are what may be there
 
 
+WITHOUT_OMEGA = ("branch", "solution", "sweep", "time_sweep", "time_response")
+
+
+@pytest.mark.parametrize("kind", WITHOUT_OMEGA)
+def test_a_record_without_a_frequency_is_refused(kind, tmp_path):
+    arrays, metadata = parts(FILES[kind])
+    wrong = metadata | {"parameters": {}} | ({"name": "k"} if "name" in metadata else {})
+    with pytest.raises(LoadError, match=r"bad\.npz.*its parameters lack"):
+        LOADERS[kind](rewritten(tmp_path / "bad.npz", arrays, wrong))
+
+
+def test_counts_below_zero_are_refused(kind, tmp_path):
+    load, path = LOADERS[kind], tmp_path / "new.npz"
+    arrays, metadata = parts(saved(load(FILES[kind]), path))
+    for name, array in arrays.items():
+        if array.dtype.kind == "i" and array.size:
+            with pytest.raises(LoadError, match=r"bad\.npz"):
+                load(rewritten(tmp_path / "bad.npz", arrays | {name: -1 - array}, metadata))
+
+
+def test_a_jump_beyond_the_end_of_a_sweep_is_refused(tmp_path):
+    arrays, metadata = parts(FILES["sweep"])
+    wrong = {"jumps": np.array([10**6]), "jump_brackets": np.array([[0.0, 1.0]])}
+    with pytest.raises(LoadError, match=r"bad\.npz.*it has a jump at value 1000000 of"):
+        hbnlp.Sweep.load(rewritten(tmp_path / "bad.npz", arrays | wrong, metadata))
+
+
+def test_a_format_that_there_never_was_is_refused(tmp_path):
+    arrays, metadata = parts(FILES["sweep"])
+    with pytest.raises(LoadError, match=r"bad\.npz.*is of format -1"):
+        hbnlp.Sweep.load(rewritten(tmp_path / "bad.npz", arrays, metadata | {"format": -1}))
+
+
 def test_a_resolved_branch_of_an_earlier_version_says_what_it_is_and_how_it_is_made_now():
     message = r"resolved_branch\.npz' holds a resolved branch, of an earlier version: .* HarmonicBalance\(.*tolerance="
     with pytest.raises(LoadError, match=message):

@@ -1,4 +1,4 @@
-"""A step in the force and a given number of samples: no tolerance is met by many harmonics, and that is said."""
+"""A step in the force and a number of samples that is given: harmonics meet no tolerance, and that is said."""
 
 import casadi as ca
 import pytest
@@ -34,3 +34,10 @@ def test_a_solve_ends_soon_and_says_how_far_it_came_and_what_a_larger_program_wo
 def test_a_program_of_seconds_an_iteration_is_not_quick(friction):
     assert ipopt.is_quick(hbnlp.HarmonicBalance(friction, 37, n_samples=8192))
     assert not ipopt.is_quick(hbnlp.HarmonicBalance(friction, 73, n_samples=16384))
+
+
+def test_a_solution_that_the_most_harmonics_do_not_bring_within_the_tolerance_says_so():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(), tolerance=1e-6, most_harmonics=1)
+    assert "not within the tolerance 1e-06 with most_harmonics = 1" in repr(hbnlp.solve(problem, at={"omega": 0.8}))
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(), tolerance=1e-6)
+    assert "not within" not in repr(hbnlp.solve(problem, at={"omega": 0.8}))

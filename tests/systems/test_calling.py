@@ -53,6 +53,7 @@ MISTAKES = {
     "an item": (lambda q, v, tau, p: [p["k"] * q[0]], r"unknown parameter 'k' \(known: gap, omega\)$"),
     "a near name": (lambda q, v, tau, p: [p.gapp * q[0]], "unknown parameter 'gapp'; did you mean 'gap'"),
     "a program's symbol": (lambda q, v, tau, p: [ca.MX.sym("x") * q[0]], "MX symbols stand beside SX symbols"),
+    "a parameter that is a method": (lambda q, v, tau, p: [p.get * q[0]], r"a method stands where .* p\['values'\]$"),
     "an error": (lambda q, v, tau, p: [undefined * q[0]], "NameError: name 'undefined' is not defined"),  # noqa: F821
     "text": (lambda q, v, tau, p: "q[0]", "has the entry 'q\\[0\\]'; a number or an expression"),
     "a dictionary": (lambda q, v, tau, p: {"x": q[0]}, "has the entry {'x'"),

@@ -172,3 +172,27 @@ def test_a_namespace_is_read_only():
     with pytest.raises(AttributeError):
         p.omega = 3.0
     assert p.omega == p["omega"] == 2.0
+
+
+def test_a_value_below_the_least_that_has_a_meaning_is_refused_wherever_it_is_given():
+    parameters = ParameterSet({"stiffness": 1.0, "omega": 1.0}, least={"stiffness": 0.0})
+    message = "-1.*; give values of stiffness of at least 0"
+    for give in (
+        lambda: parameters.values({"stiffness": -1}),
+        lambda: parameters.series("stiffness", [1.0, -1.0]),
+        lambda: parameters.span("stiffness", (1.0, -1.0)),
+    ):
+        with pytest.raises(ValueError, match=message):
+            give()
+    assert parameters.values({"stiffness": 0.0})[0] == 0.0
+
+
+def test_an_omega_whose_square_may_be_no_number_is_refused_wherever_it_is_given():
+    parameters = ParameterSet({"omega": 1.0})
+    for give in (
+        lambda: parameters.values({"omega": 1e200}),
+        lambda: parameters.series("omega", [1.0, 1e200]),
+        lambda: parameters.span("omega", (1e200, 1.0)),
+    ):
+        with pytest.raises(ValueError, match=r"1e\+200; give one up to 1e\+30, in other units"):
+            give()

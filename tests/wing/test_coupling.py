@@ -1,5 +1,6 @@
 """The membrane wing: membrane and ROM brought together, against closed forms and independent solutions."""
 
+import pickle
 from dataclasses import replace
 
 import casadi as ca
@@ -10,7 +11,9 @@ from scipy.integrate import solve_ivp
 from hbnlp.aero import AeroROM, thin_airfoil
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.balance.sampling import polynomial_degree
+from hbnlp.branches.tracing import trace
 from hbnlp.fourier import to_complex
+from hbnlp.solutions.solving import solve
 from hbnlp.systems.linear_stability import eigenvalues
 from hbnlp.wing.coupling import membrane_wing
 from hbnlp.wing.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
@@ -293,3 +296,13 @@ def test_unknown_parameters_are_refused_with_the_nearest_name():
         membrane_wing(QuasiLinearMembrane(n_modes=1), thin_airfoil(1), parameters={"pitch_amplitud": 0.1})
     with pytest.raises(TypeError, match="pitchaxis"):
         membrane_wing(QuasiLinearMembrane(n_modes=1), thin_airfoil(1), pitchaxis=0.1)
+
+
+@pytest.mark.parametrize("name", ["mass_ratio", "stiffness", "prestrain"])
+def test_values_that_no_membrane_has_are_refused_also_where_they_come_later(name):
+    wing = membrane_wing(QuasiLinearMembrane(n_modes=2), thin_airfoil(2))
+    problem = HarmonicBalance(pickle.loads(pickle.dumps(wing)), 1)  # noqa: S301 (our own)
+    with pytest.raises(ValueError, match=f"give values of {name} of at least 0"):
+        solve(problem, at={"omega": 1.0, name: -1.0})
+    with pytest.raises(ValueError, match=f"give values of {name} of at least 0"):
+        trace(problem, name, (1.0, -1.0), at={"omega": 1.0})
