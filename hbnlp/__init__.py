@@ -33,6 +33,7 @@ from hbnlp.core.errors import (
     SamplingError,
     SaveError,
     TaskError,
+    ValidityWarning,
 )
 from hbnlp.core.kinds import End, FoldEvent, Kind, Status
 from hbnlp.core.old_names import announce_old_imports, old_names
@@ -61,6 +62,7 @@ from hbnlp.systems.system import System
 from hbnlp.wing.coupling import membrane_wing
 from hbnlp.wing.lift import lift_response
 from hbnlp.wing.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
+from hbnlp.wing.validity import ValidityLimits
 
 __version__ = version("hbnlp")
 
@@ -113,6 +115,8 @@ __all__ = [
     "TimeResponse",
     "TimeSweep",
     "Tracer",
+    "ValidityLimits",
+    "ValidityWarning",
     "aero",
     "design",
     "eigenvalues",

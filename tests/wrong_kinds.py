@@ -310,6 +310,7 @@ def examples():
         "SolutionSet.save": {"self": w.found, "path": "no such folder/file"},
         "SolutionSet.to_netcdf": {"self": w.found, "path": "no such folder/file"},
         "Symmetry": {"matrix": [[-1.0]], "shift": np.pi, "name": "odd"},
+        "ValidityLimits": {"camber": 0.1, "tension_error": 0.1, "beyond_band": 0.1, "incidence": 0.2},
         "Symmetry.identity": {"n_dof": 1},
         "System": {
             "mass": [[1.0]], "damping": [[0.1]], "stiffness": [[1.0]], "nonlinear_force": lambda q, v, tau, p: q**3,
@@ -472,7 +473,7 @@ def examples():
         },
         "plot.plot_branch": {
             "branch": w.branch, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
-            "special": True, "label": None, "color": None,
+            "special": True, "label": None, "color": None, "validity": None,
         },
         "plot.plot_diagram": {
             "diagram": w.diagram, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,

@@ -93,6 +93,10 @@ class OutsideBandWarning(UserWarning):
     """A reduced-order model is evaluated at frequencies outside the band for which its error is known."""
 
 
+class ValidityWarning(UserWarning):
+    """Motions of a wing are beyond what its models allow, or an angle looks like degrees."""
+
+
 class AliasingWarning(UserWarning):
     """Harmonics of an output are less exact than the tolerance, as it is singular at this motion."""
 

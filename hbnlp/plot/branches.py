@@ -18,7 +18,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
-from hbnlp.core.checks import flag, list_of, whole_number
+from hbnlp.core.checks import flag, list_of, refused, whole_number
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.types import Array
 from hbnlp.fourier import decibels
@@ -29,10 +29,12 @@ if TYPE_CHECKING:
     from hbnlp.branches.fold_curves import FoldBranch
     from hbnlp.diagrams.diagram import Diagram
     from hbnlp.sweeps.records import Sweep, TimeSweep
+    from hbnlp.wing.validity import Validity
 
 STABLE: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2}
 UNKNOWN: dict[str, Any] = {"linestyle": "-", "linewidth": 1.2}
 UNSTABLE: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0}
+BEYOND: dict[str, Any] = {"color": "0.85", "linewidth": 9.0, "solid_capstyle": "round", "zorder": 0}
 BY_NUMBER = "n_harmonics"
 """In the place of a colour: that of the number of harmonics."""
 MARKERS = {
@@ -61,6 +63,7 @@ def plot_branch(
     special: bool | Collection[Kind] = True,
     label: str | None = None,
     color: Any = None,
+    validity: Validity | None = None,
 ) -> Axes:
     """Draw the amplitude of one harmonic of an output along a branch.
 
@@ -81,6 +84,8 @@ def plot_branch(
     label : str, optional
     color
         A colour of matplotlib, or "n_harmonics": by the number of harmonics of each step, with a bar that tells them.
+    validity : Validity, optional
+        ``wing.validity(branch)``: where a limit is exceeded the branch is shaded.
 
     Returns
     -------
@@ -100,7 +105,15 @@ def plot_branch(
             "True, False or kinds, such as [Kind.FOLD]",
         )
     level = _level(branch, output, harmonic, per, decibels)
+    if validity is not None:
+        result("validity", validity, "Validity")
+        if len(validity) != len(branch):
+            raise refused(ValueError, "validity", validity, f"that of this branch, of {len(branch)} points")
     ax = axes(ax)
+    if validity is not None and not validity.within.all():
+        shaded = np.where(validity.within, np.nan, level)
+        ax.plot(branch.parameter, shaded, **BEYOND)
+        _explain(ax, "beyond the model", **BEYOND)
     color = ax.plot([], [], color="0.5" if by_number else color, label=label or "_branch")[0].get_color()
     numbers = branch.n_harmonics if by_number else np.zeros(len(branch), dtype=int)
     stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)

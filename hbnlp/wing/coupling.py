@@ -11,25 +11,100 @@ where ``inertia`` is the load ``C_f = 2 mu (alpha'' x - z'')`` of the moving fra
 
 from __future__ import annotations
 
+import hashlib
+import warnings
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
 
 from hbnlp.aero import AeroROM, RationalFit, Realisation
 from hbnlp.core.checks import instance_of, real_number, refused, unknown_name
+from hbnlp.core.errors import ValidityWarning
+from hbnlp.core.kept import Kept
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
+from hbnlp.systems.definition import Definition
 from hbnlp.systems.expressions import Output
 from hbnlp.systems.parameters import ParameterSet
 from hbnlp.systems.system import System
 from hbnlp.wing.membrane import Membrane
+from hbnlp.wing.validity import DEGREES, Validity, ValidityLimits, Watch, validity
 
 Motion = Callable[[Any, Any], Any]
 
 LEAST = {"mass_ratio": 0.0, "stiffness": 0.0, "prestrain": 0.0}
 """What the membrane's parameters are not less than."""
+
+
+@final
+class MembraneWing(System):
+    """A membrane coupled with aerodynamics, made by `membrane_wing`: a `System`, so that every verb takes it.
+
+    Attributes
+    ----------
+    membrane : Membrane
+        With the values that it was made with; those of the parameters may be others.
+    rom : AeroROM
+        Of as many modes as the membrane.
+    """
+
+    def __init__(self, membrane: Membrane, rom: AeroROM, *matrices: Any, **terms: Any) -> None:
+        super().__init__(*matrices, **terms)
+        self.membrane, self.rom = membrane, rom
+
+    def validity(self, record: Any, *, limits: ValidityLimits | None = None) -> Validity:
+        """Return what speaks against believing a solution, or each point of a branch or sweep.
+
+        Parameters
+        ----------
+        record : Solution, Branch, Sweep or another record with ``solution(i)``
+            Of this wing.
+        limits : ValidityLimits, optional
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the record is something else, or of another system.
+        """
+        return validity(self.membrane, self.rom, record, limits)
+
+    def watch(self, *, limits: ValidityLimits | None = None) -> Watch:
+        """Return a callback that warns once, at the end of a run, of all that is beyond the limits.
+
+        ``hbnlp.trace(problem, "omega", span, callbacks=[wing.watch()])``
+        """
+        instance_of("limits", limits, ValidityLimits | None, "hbnlp.ValidityLimits(camber=0.1)")
+        return Watch(membrane=self.membrane, rom=self.rom, limits=limits or ValidityLimits())
+
+    def __reduce__(self) -> tuple[Callable[..., MembraneWing], tuple[Any, ...]]:
+        """Send the definition, the membrane and the ROM; the same one again is the wing that was built."""
+        return _received, (self._definition.content, self.membrane, self.rom)
+
+    def __copy__(self) -> MembraneWing:
+        """Return another wing of the same equations, with symbols of its own."""
+        return _of(self._definition, self.membrane, self.rom)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> MembraneWing:
+        """Return another wing of the same equations, which shares nothing that changes with this one."""
+        return _of(Definition.of(self._definition.content), self.membrane, self.rom)
+
+
+_RECEIVED: Kept[MembraneWing] = Kept(8)
+
+
+def _received(content: bytes, membrane: Membrane, rom: AeroROM) -> MembraneWing:
+    """Return the wing of a definition that came from elsewhere, built once."""
+    key = hashlib.sha256(content).digest(), membrane, rom
+    return _RECEIVED.get(key, lambda: _of(Definition.of(content), membrane, rom))
+
+
+def _of(definition: Definition, membrane: Membrane, rom: AeroROM) -> MembraneWing:
+    wing = object.__new__(MembraneWing)
+    wing._set_up(definition)
+    wing.membrane, wing.rom = membrane, rom
+    return wing
 
 
 @renamed_arguments()
@@ -40,7 +115,7 @@ def membrane_wing(
     pitch_axis: float = 0.0,
     motion: Motion | None = None,
     parameters: Mapping[str, float] | None = None,
-) -> System:
+) -> MembraneWing:
     """Return the membrane wing in prescribed pitch and heave, coupled with its linear aerodynamics.
 
     Its parameters are ``mass_ratio``, ``stiffness`` and ``prestrain`` with the membrane's values, ``pitch_axis``,
@@ -71,7 +146,8 @@ def membrane_wing(
 
     Returns
     -------
-    System
+    MembraneWing
+        A `System` that knows its membrane and its ROM, and of solutions whether they may be believed (``validity``).
 
     Raises
     ------
@@ -81,6 +157,11 @@ def membrane_wing(
         If the ROM has fewer modes than the membrane, or ``motion`` does not return two expressions.
     KeyError
         If ``parameters`` names something that the default motion does not have.
+
+    Warns
+    -----
+    ValidityWarning
+        If the pitch of the default motion looks like degrees.
 
     Notes
     -----
@@ -126,13 +207,16 @@ heave_amplitude=0, heave_phase=0, omega=?
         for name in parameters or {}:
             if name not in (*values, "omega"):
                 raise KeyError(unknown_name("parameter", name, (*values, "omega")))
+        _warn_of_degrees(parameters or {})
     values |= parameters or {}
 
     frame = _frame_inertia(n)
     static = rom.base_load - rom.stiffness @ rom.base_motion
     lift = {"C_L": _lift(rom, float(static[0])), "tension": lambda s: membrane.tension(s.q, s.p)}
     midchord = ca.DM(membrane.shape([0.5]))
-    return System(
+    return MembraneWing(
+        membrane,
+        rom,
         lambda p: membrane.mass_matrix(p) - ca.DM(rom.mass[1:, 2:]),
         -rom.damping[1:, 2:],
         lambda p: membrane.stiffness_matrix(p) - ca.DM(rom.stiffness[1:, 2:]),
@@ -157,6 +241,17 @@ heave_amplitude=0, heave_phase=0, omega=?
         lag_motion=rom.lag_input[:, :2],
         name="membrane wing",
     )
+
+
+def _warn_of_degrees(parameters: Mapping[str, Any]) -> None:
+    for name in ("pitch_amplitude", "pitch_mean"):
+        value = parameters.get(name, 0.0)
+        if isinstance(value, int | float) and abs(value) > DEGREES:
+            warnings.warn(
+                f"{name} is {value:g} rad, which looks like degrees: give numpy.radians({value:g})",
+                ValidityWarning,
+                stacklevel=4,
+            )
 
 
 def _frame_inertia(n_modes: int) -> Array:
