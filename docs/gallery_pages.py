@@ -27,6 +27,7 @@ READING_ORDER = {
     "wing": (
         "linear_lift_response",
         "membrane_wing_inviscid",
+        "wing_in_motion",
         "time_integration_vs_harmonic_balance",
         "design_prestrain",
         "identify_membrane",

@@ -301,6 +301,11 @@ def examples():
         "Solution.displacement": {"self": w.solution, "t": 0.0},
         "Solution.harmonics": {"self": w.solution, "output": "x"},
         "Solution.load": {"path": "no such file", "problem": None},
+        "Solution.animate": {"self": w.solution, "path": "no such folder/film.gif"},
+        "Solution.plot": {"self": w.solution, "output": "x", "ax": None},
+        "Solution.plot_harmonics": {"self": w.solution, "output": "x", "ax": None},
+        "Solution.plot_phase": {"self": w.solution, "output": "x", "ax": None},
+        "Solution.plot_shape": {"self": w.solution, "ax": None},
         "Solution.save": {"self": w.solution, "path": "no such folder/file"},
         "Solution.to_netcdf": {"self": w.solution, "path": "no such folder/file"},
         "Solution.signal": {"self": w.solution, "output": "x", "t": 0.0},
@@ -471,6 +476,16 @@ def examples():
             "snapshots": [w.snapshot], "path": "no such folder/file.gif", "frames_per_second": 15, "limit": 5.0,
             "x": (0.0, 1.0), "y": (0.0, 1.0),
         },
+        "plot.animate_solution": {
+            "solution": w.solution, "path": "no such folder/film.gif", "output": "x", "modes": None, "in_space": False,
+            "n_frames": 2, "frames_per_second": 20,
+        },
+        "plot.plot_harmonics": {"solution": w.solution, "output": "x", "logarithmic": False, "ax": None},
+        "plot.plot_phase": {"solution": w.solution, "output": "x", "ax": None},
+        "plot.plot_shape": {
+            "solution": w.solution, "modes": None, "in_space": False, "n_shapes": 3, "ax": None,
+        },
+        "plot.plot_signal": {"solution": w.solution, "output": "x", "ax": None},
         "plot.plot_branch": {
             "branch": w.branch, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
             "special": True, "label": None, "color": None, "validity": None,

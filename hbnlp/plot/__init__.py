@@ -7,18 +7,24 @@ from hbnlp.core.renamed import renamed_name
 from hbnlp.plot.aero import plot_lift_response, plot_rational_fit
 from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_diagram, plot_fold_curve, plot_sweep
 from hbnlp.plot.flow import animate, plot_loads, plot_vorticity
-from hbnlp.plot.motions import plot_solutions
+from hbnlp.plot.motions import plot_harmonics, plot_phase, plot_signal, plot_solutions
+from hbnlp.plot.shapes import animate_solution, plot_shape
 
 __all__ = [
     "EVENT_MARKERS",
     "MARKERS",
     "animate",
+    "animate_solution",
     "plot_branch",
     "plot_diagram",
     "plot_fold_curve",
+    "plot_harmonics",
     "plot_lift_response",
     "plot_loads",
+    "plot_phase",
     "plot_rational_fit",
+    "plot_shape",
+    "plot_signal",
     "plot_solutions",
     "plot_sweep",
     "plot_vorticity",

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import io
 import math
 import os
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
-from PIL import Image
+from matplotlib.figure import Figure
 
-from hbnlp.core.checks import file_name, instance_of, interval, real_number, refused, whole_number
-from hbnlp.core.files import written_whole
+from hbnlp.core.checks import instance_of, interval, real_number, whole_number
 from hbnlp.core.types import Array
 from hbnlp.plot.arguments import axes, result
+from hbnlp.plot.film import film_name, write_film
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,18 +82,16 @@ def animate(
     x: tuple[float, float] | None = None,
     y: tuple[float, float] | None = None,
 ) -> None:
-    """Write an animated GIF of vorticity.
+    """Write a film of vorticity: .gif, .html, or .mp4 where ffmpeg is installed.
 
     Raises
     ------
     ValueError
-        If there are no snapshots.
+        If there are no snapshots, or the name of the file ends in something else.
     SaveError
         (An `OSError`.) If the file cannot be written.
     """
-    file_name("path", path)
-    if not os.fspath(path).lower().endswith(".gif"):
-        raise refused(ValueError, "path", path, "a name that ends in .gif")
+    film_name("path", path)
     whole_number("frames_per_second", frames_per_second, least=1, most=1000)
     instance_of("snapshots", snapshots, list, "a list of snapshots, dns.Snapshots(every=...).taken")
     for snapshot in snapshots:
@@ -106,18 +102,14 @@ def animate(
             interval(name, given)
     if not snapshots:
         raise ValueError("there are no snapshots; collect some with dns.Snapshots(every=...) as the callback of run")
-    figure, ax = plt.subplots(figsize=(7.0, 4.0), dpi=80, layout="constrained")
-    frames = []
-    for snapshot in snapshots:
+    figure = Figure(figsize=(7.0, 4.0), dpi=80, layout="constrained")
+    ax = figure.subplots()
+
+    def draw(k: int) -> None:
         ax.clear()
-        plot_vorticity(snapshot, ax, limit=limit, x=x, y=y)
-        picture = io.BytesIO()
-        figure.savefig(picture, format="png")
-        frames.append(Image.open(picture).convert("RGB"))
-    plt.close(figure)
-    with written_whole(path) as handle:
-        milliseconds = int(1000 / frames_per_second)
-        frames[0].save(handle, format="GIF", save_all=True, append_images=frames[1:], duration=milliseconds, loop=0)
+        plot_vorticity(snapshots[k], ax, limit=limit, x=x, y=y)
+
+    write_film(path, figure, draw, len(snapshots), frames_per_second=frames_per_second)
 
 
 def plot_loads(history: History, ax: Axes | None = None) -> Axes:

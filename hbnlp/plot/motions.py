@@ -1,4 +1,4 @@
-"""Motions over their period."""
+"""Motions over their period, in the plane of value and rate, and by their harmonics."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from hbnlp.core.checks import flag
+from hbnlp.core.types import Array
+from hbnlp.fourier import basis_derivatives, to_real
 from hbnlp.plot.arguments import axes, result
 
 if TYPE_CHECKING:
+    from hbnlp.solutions.solution import Solution
     from hbnlp.solutions.solution_set import SolutionSet
 
 TIMES = 401
@@ -26,14 +30,84 @@ def plot_solutions(found: SolutionSet, output: str, *, ax: Axes | None = None, *
     result("found", found, "SolutionSet")
     if not len(found):
         raise ValueError(f"the solution set has no solutions to draw: {found.message}")
-    phases = np.linspace(0.0, found.periods, TIMES)
-    signals = [solution.signal(output, 2.0 * np.pi / solution.omega * phases) for solution in found]
+    found[0].harmonics(output)
     ax = axes(ax)
-    for place, signal in enumerate(signals, start=1):
-        ax.plot(phases, signal, **{"linewidth": 1.4, "label": f"solution {place}", **options})
-    ax.set_xlabel("forcing periods")
-    ax.set_ylabel(output)
-    ax.set_xlim(0.0, found.periods)
+    for place, solution in enumerate(found, start=1):
+        draw_signal(ax, solution, output, **{"linewidth": 1.4, "label": f"solution {place}", **options})
     if len(found) <= MOST_LABELLED:
         ax.legend(frameon=False)
     return ax
+
+
+def plot_signal(solution: Solution, output: str, *, ax: Axes | None = None, **options: Any) -> Axes:
+    """Draw an output of a solution over its period; options go to matplotlib.
+
+    What is drawn has the harmonics of the output that are retained: see `Solution.signal`.
+    """
+    result("solution", solution, "Solution")
+    solution.harmonics(output)
+    ax = axes(ax)
+    draw_signal(ax, solution, output, **{"linewidth": 1.4, **options})
+    return ax
+
+
+def plot_phase(solution: Solution, output: str, *, ax: Axes | None = None, **options: Any) -> Axes:
+    """Draw the phase portrait of an output, its rate against its value, and a dot at each period of the forcing.
+
+    Options go to matplotlib. One dot is a motion of the forcing's period, two a doubled one.
+    """
+    result("solution", solution, "Solution")
+    rate = solution.omega / solution.periods
+    coefficients = to_real(solution.harmonics(output))
+    angles = 2.0 * np.pi * np.append(over_period(solution), np.arange(float(solution.periods))) / solution.periods
+    rates = rate * basis_derivatives(angles, solution.n_harmonics) @ coefficients
+    values = solution.signal(output, angles / rate)
+    ax = axes(ax, figsize=(4.8, 4.4))
+    style = {"linewidth": 1.4, **options}
+    line = ax.plot(values[:TIMES], rates[:TIMES], **style)[0]
+    ax.plot(values[TIMES:], rates[TIMES:], "o", color=line.get_color(), label="once a forcing period")
+    ax.set(xlabel=output, ylabel=f"rate of {output}")
+    ax.legend(frameon=False)
+    return ax
+
+
+def plot_harmonics(
+    solution: Solution, output: str, *, logarithmic: bool = False, ax: Axes | None = None, **options: Any
+) -> Axes:
+    """Draw the harmonics of an output as bars, the mean at 0, over multiples of the forcing's frequency.
+
+    Parameters
+    ----------
+    solution : Solution
+    output : str
+    logarithmic : bool
+        Whether the amplitudes are on a logarithmic axis, as tells how they fall.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+    **options
+        For matplotlib's bars.
+    """
+    result("solution", solution, "Solution")
+    flag("logarithmic", logarithmic)
+    amplitudes = np.abs(solution.harmonics(output))
+    multiples = np.arange(len(amplitudes)) / solution.periods
+    ax = axes(ax)
+    ax.bar(multiples, amplitudes, **{"width": 0.7 / solution.periods, **options})
+    if logarithmic:
+        ax.set_yscale("log")
+    ax.set(xlabel=r"frequency $/\,\omega$", ylabel=f"|{output}|")
+    if len(amplitudes) <= MOST_LABELLED * 2 and solution.periods == 1:
+        ax.set_xticks(multiples)
+    return ax
+
+
+def over_period(solution: Solution) -> Array:
+    """Return the phases of a solution that a line is drawn through, in forcing periods, both ends included."""
+    return np.linspace(0.0, solution.periods, TIMES)
+
+
+def draw_signal(ax: Axes, solution: Solution, output: str, **style: Any) -> None:
+    """Draw an output over the period of a solution."""
+    phases = over_period(solution)
+    ax.plot(phases, solution.signal(output, 2.0 * np.pi / solution.omega * phases), **style)
+    ax.set(xlabel="forcing periods", ylabel=output, xlim=(0.0, solution.periods))

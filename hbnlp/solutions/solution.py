@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -26,6 +26,9 @@ from hbnlp.solutions.identity import meets, moved
 from hbnlp.systems.symmetry import Symmetry, inherent
 from hbnlp.tables.table import Table, table_of
 from hbnlp.tables.tabular import Tabular
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,6 +148,36 @@ class Solution(ReadOnlyArrays, Tabular):
         problem = attached(self)
         amplitudes = problem.output_harmonics(coefficients.ravel(), problem.values(self.parameters))[0]
         return replace(self, coefficients=coefficients, amplitudes=amplitudes)
+
+    def plot(self, output: str, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw an output over the period; see `hbnlp.plot.plot_signal`."""
+        from hbnlp.plot import plot_signal
+
+        return plot_signal(self, output, ax=ax, **options)
+
+    def plot_phase(self, output: str, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the rate of an output against its value; see `hbnlp.plot.plot_phase`."""
+        from hbnlp.plot import plot_phase
+
+        return plot_phase(self, output, ax=ax, **options)
+
+    def plot_harmonics(self, output: str, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the harmonics of an output as bars; see `hbnlp.plot.plot_harmonics`."""
+        from hbnlp.plot import plot_harmonics
+
+        return plot_harmonics(self, output, ax=ax, **options)
+
+    def plot_shape(self, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the shape of a wing, or of another system, over a period; see `hbnlp.plot.plot_shape`."""
+        from hbnlp.plot import plot_shape
+
+        return plot_shape(self, ax=ax, **options)
+
+    def animate(self, path: str | os.PathLike[str], **options: Any) -> None:
+        """Write a film of the moving shape and an output, GIF, HTML or MP4; see `hbnlp.plot.animate_solution`."""
+        from hbnlp.plot import animate_solution
+
+        animate_solution(self, path, **options)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the solution to one ``.npz`` file without pickle, whole or not at all.

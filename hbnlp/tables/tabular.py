@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
@@ -14,6 +15,10 @@ from hbnlp.tables.table import Table
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+
+MOST_WORDS = 3
+"""A line of a summary begins with what it is about if there are no more words before its colon."""
 
 
 class Tabular(ABC):
@@ -78,3 +83,17 @@ class Tabular(ABC):
             If xarray or pandas is not installed (extra ``hbnlp[tables]``).
         """
         return data_frame(self._table())
+
+    def _repr_html_(self) -> str:
+        """Return the summary that `repr` is as a small table, for a notebook."""
+        title, *lines = repr(self).splitlines()
+        rows = "".join(_row(line.strip()) for line in lines)
+        return f"<table><caption><b>{html.escape(title)}</b></caption>{rows}</table>"
+
+
+def _row(line: str) -> str:
+    about, colon, rest = line.partition(": ")
+    if not colon or len(about.split()) > MOST_WORDS:
+        about, rest = "", line
+    style = "text-align: left"
+    return f'<tr><th style="{style}">{html.escape(about)}</th><td style="{style}">{html.escape(rest)}</td></tr>'

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -244,3 +245,10 @@ def test_names_of_other_formats_are_refused(branch, name, tmp_path):
         branch.to_netcdf(tmp_path / name)
     with pytest.raises(TypeError, match="the path of a file"):
         branch.to_netcdf(7)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_notebook_shows_the_summary_as_a_table(records, kind):
+    shown = records[kind]._repr_html_()
+    words = "".join(ET.fromstring(shown).itertext())  # noqa: S314  our own
+    assert re.sub(r"[\s:]", "", words) == re.sub(r"[\s:]", "", repr(records[kind]))
