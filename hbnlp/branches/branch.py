@@ -180,7 +180,7 @@ class Branch(AlongParameter):
         Parameters
         ----------
         kind : Kind or str
-            Or its word ("fold") or code ("LP", "BP", "PD", "NS" or "TR", "HB" or "H").
+            Or its word ("fold") or code ("LP", "BP", "PD", "NS" or "TR", "HB" or "H", "UZ").
 
         Raises
         ------
