@@ -22,6 +22,7 @@ from hbnlp.continuation.newton import Newton
 from hbnlp.core.callbacks import Autosave, Progress, ProgressBar, StopTracing
 from hbnlp.core.errors import (
     AliasingWarning,
+    CallbackError,
     ConvergenceError,
     CornerError,
     HbnlpError,
@@ -73,6 +74,7 @@ __all__ = [
     "AliasingWarning",
     "Autosave",
     "Branch",
+    "CallbackError",
     "ConvergenceError",
     "CornerError",
     "Diagram",

@@ -27,6 +27,7 @@ from hbnlp.core.layout import (
     texts,
 )
 from hbnlp.core.records import loaded, save_record, values_of
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, IntArray
 from hbnlp.fourier import n_coefficients, resize
 from hbnlp.solutions.attaching import check_belongs, check_problem
@@ -83,7 +84,7 @@ class FoldCurvePoint:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FoldBranch:
+class FoldBranch(ReadOnlyArrays):
     """Folds, or one event of the user, in the plane of two parameters, in order along the curve.
 
     Attributes

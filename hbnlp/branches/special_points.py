@@ -11,6 +11,7 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.kinds import Kind
 from hbnlp.core.layout import Column, flag, mapping, maybe, name_in, number, numbers_by_name, pair, table, text, whole
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array
 from hbnlp.fourier import n_coefficients, padded, resize
 from hbnlp.solutions.events import Event
@@ -19,7 +20,7 @@ from hbnlp.systems.symmetry import Symmetry
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpecialPoint:
+class SpecialPoint(ReadOnlyArrays):
     """A point where something happens, bracketed by two points of the branch and then solved for.
 
     Attributes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from hbnlp.core.renamed import renamed_name
@@ -47,6 +48,10 @@ class NonFiniteError(HbnlpError):
     """A user's force, forcing or output gave a value or derivative that is not finite."""
 
 
+class CallbackError(HbnlpError):
+    """A user's ``casadi.Callback`` raised an error; its traceback is among what CasADi writes to the standard error."""
+
+
 class SamplingError(HbnlpError, ValueError):
     """A force would take more samples a period than a smooth one needs, or a forcing or motion is not smooth enough."""
 
@@ -61,6 +66,20 @@ class SaveError(HbnlpError, OSError):
 
 class LoadError(HbnlpError, OSError, ValueError):
     """A file is damaged, cut off, of another kind or version, or does not hold what a record of its kind has."""
+
+
+_IN_CALLBACK = re.compile(r'calling "eval" for object (?P<name>\w+):\s*(?:\S+:\d+: )?(?P<said>.*)', re.DOTALL)
+
+
+def in_users_words(error: Exception) -> Exception:
+    """Return an error of CasADi about a user's ``casadi.Callback`` as what that raised; any other as it is."""
+    told = _IN_CALLBACK.search(str(error)) if type(error) is RuntimeError else None
+    if told is None:
+        return error
+    said = " ".join(told["said"].split()) or "without words"
+    raised = CallbackError(f"the casadi.Callback {told['name']!r}, which the system calls, raised an error: {said}")
+    raised.__cause__ = error
+    return raised
 
 
 def restored(kind: type[HbnlpError], arguments: tuple[Any, ...], state: dict[str, Any]) -> HbnlpError:

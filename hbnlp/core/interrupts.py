@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import TypeVar
 
+from hbnlp.core.errors import in_users_words
+
 T = TypeVar("T")
 
 _AGAIN = 0.05
@@ -52,7 +54,8 @@ class Interrupts:
     def kept(self, *, returns: bool = False) -> Iterator[Interrupts]:
         """Note Ctrl-C in this block, or in a function so decorated, and raise it at the end if not before.
 
-        An error in a block that was interrupted is what the interrupt was turned into. Blocks may stand in each other.
+        An error in a block that was interrupted is what the interrupt was turned into; one of CasADi about a callback
+        of the user's is raised in the user's words. Blocks may stand in each other.
         Outside the main thread, and where SIGINT is ignored, this does nothing.
 
         Parameters
@@ -79,6 +82,7 @@ class Interrupts:
             returns = False
             if isinstance(error, Exception):
                 self.check()
+                raise in_users_words(error)  # noqa: B904 - its cause is set
             raise
         finally:
             self._at_once = at_once

@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 
 import casadi as ca
 
+from hbnlp.core.errors import in_users_words
 from hbnlp.core.interrupts import check_interrupts
 from hbnlp.core.types import Array
 
@@ -47,7 +48,10 @@ def bound(function: ca.Function, arguments: Sequence[Array], results: Sequence[A
 
     # CasADi keeps bare pointers: buffer, function and arrays must live as long as the trigger.
     def evaluate(_kept: tuple[Any, ...] = (buffer, function, [*arguments], [*results])) -> None:
-        trigger()
+        try:
+            trigger()
+        except RuntimeError as error:
+            raise in_users_words(error)  # noqa: B904 - its cause is set
         check_interrupts()
 
     return evaluate

@@ -15,6 +15,7 @@ from hbnlp.core.checks import position, unknown_name
 from hbnlp.core.errors import SaveError
 from hbnlp.core.layout import Layout
 from hbnlp.core.renamed import renamed_arguments
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.storage import as_text, load_arrays, refused_as_unreadable, save_arrays
 from hbnlp.core.types import Array, ComplexArray
 
@@ -85,7 +86,7 @@ def loaded(path: str | os.PathLike[str], layout: Layout, *, plain: bool = False)
         yield columns | values
 
 
-class AlongParameter:
+class AlongParameter(ReadOnlyArrays):
     """What records of solutions along one parameter have in common."""
 
     name: str

@@ -16,13 +16,38 @@ class FieldsAlone:
 
 
 class ReadOnlyArrays:
-    """A frozen record whose arrays cannot be written to, nor where they arrive."""
+    """A frozen record whose arrays and mappings cannot be written to, nor where they arrive.
+
+    What reads them gives them away as they are: a user who writes ``omega = branch.values("omega"); omega /= 2 * pi``
+    would change the branch.
+    """
+
+    def __post_init__(self) -> None:
+        for name, value in [*vars(self).items()]:
+            if isinstance(value, np.ndarray):
+                view = value.view()  # whoever made the array may go on writing to it
+                view.flags.writeable = False
+                object.__setattr__(self, name, view)
+            elif type(value) is dict:
+                object.__setattr__(self, name, FixedDict(value))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for value in state.values():
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
         self.__dict__.update(state)
+
+
+class FixedDict(dict[Any, Any]):
+    """A dictionary that cannot be changed; ``dict(fixed)`` and ``{**fixed, name: value}`` can."""
+
+    def _refused(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("a record cannot be changed; take a copy, such as {**solution.parameters, 'omega': 1.0}")
+
+    __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _refused
+
+    def __reduce__(self) -> tuple[type[FixedDict], tuple[dict[Any, Any]]]:
+        return FixedDict, (dict(self),)
 
 
 class StaysHere:

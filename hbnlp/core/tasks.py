@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 from hbnlp.core.callbacks import Callbacks, Progress, StopTracing
-from hbnlp.core.errors import TaskError
+from hbnlp.core.errors import TaskError, in_users_words
 from hbnlp.core.interrupts import interrupts_at_once, interrupts_kept
 
 logger = logging.getLogger(__name__)
@@ -121,7 +121,8 @@ def drive(
         except Exception as error:
             if report is None and not interrupts.noted:
                 raise
-            ending = Ending(f"{type(error).__name__}: {error}", error)
+            said = in_users_words(error)
+            ending = Ending(f"{type(said).__name__}: {said}", said)
         if interrupts.taken():  # the other endings may be what it was turned into
             ending = INTERRUPTED
         try:

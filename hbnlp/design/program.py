@@ -22,7 +22,7 @@ from hbnlp.core.checks import finite_array, flag, instance_of, list_of, real_num
 from hbnlp.core.errors import ConvergenceError, SamplingError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
-from hbnlp.core.sending import StaysHere
+from hbnlp.core.sending import ReadOnlyArrays, StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.responses import Response
 from hbnlp.design.variables import Variables
@@ -32,7 +32,7 @@ from hbnlp.solutions.solution import Solution, make_solution
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Optimum:
+class Optimum(ReadOnlyArrays):
     """What a program found: ``values`` of the variables, the objective, and a Solution for each response.
 
     ``multipliers`` holds an array for each bound, by its name: minus the derivative of the objective by the limit that

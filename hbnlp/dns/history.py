@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class Record:
 
 
 @dataclass(frozen=True)
-class History:
+class History(ReadOnlyArrays):
     """Records of a run, one row a step.
 
     Parameters

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbnlp.core.checks import finite_array, instance_of, real_number, refused, whole_number
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array
 from hbnlp.dns.flow import Callback, Simulation
 from hbnlp.dns.grid import Grid
@@ -73,7 +74,7 @@ def harmonics(time: Array, values: Array, omegas: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class LinearResponse:
+class LinearResponse(ReadOnlyArrays):
     """One column of G(i w), motion to load.
 
     Parameters
@@ -170,7 +171,7 @@ def linear_response(
 
 
 @dataclass(frozen=True)
-class StepResponse:
+class StepResponse(ReadOnlyArrays):
     """Loads after a unit step of velocity in one input, as the eigensystem realisation takes them.
 
     Parameters

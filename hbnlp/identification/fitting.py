@@ -14,7 +14,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import finite_numbers, instance_of, list_of, real_number, refused
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
-from hbnlp.core.sending import StaysHere
+from hbnlp.core.sending import ReadOnlyArrays, StaysHere
 from hbnlp.core.types import Array
 from hbnlp.design.program import Optimum, Program
 from hbnlp.design.responses import response_at
@@ -33,7 +33,7 @@ NEAR = 1e-3
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Identified:
+class Identified(ReadOnlyArrays):
     """Variables identified from measured amplitudes.
 
     Attributes

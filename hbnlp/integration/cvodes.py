@@ -66,6 +66,8 @@ class Adaptive:
                     "or some lag states too fast: try larger rtol and atol, or stiff=True; or a step of the force "
                     "holds the motion fast: round it, ca.tanh(d / width) for sign(d)"
                 )
+                if any(called.class_name() == "CallbackInternal" for called in form.rate.find_functions()):
+                    reason += "; or a casadi.Callback raised an error, which stands in what CasADi wrote to stderr"
                 return Window(start[None], step, float(integrator.stats().get("tcur", 0.0)), reason)
             states = np.vstack([start, sizes * scaled])
             sizes = _of_blocks(form, states)

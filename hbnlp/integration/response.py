@@ -24,6 +24,7 @@ from hbnlp.core.layout import (
     whole,
 )
 from hbnlp.core.records import loaded, save_record
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.integration.cvodes import Adaptive
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
@@ -34,7 +35,7 @@ _METHODS = {each.__name__: each for each in (RungeKutta4, Adaptive)}
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class TimeResponse:
+class TimeResponse(ReadOnlyArrays):
     """The last window (one or more periods of the forcing) of an integration in time.
 
     Attributes

@@ -14,7 +14,7 @@ from hbnlp.core.kinds import Status
 from hbnlp.core.types import Array
 from hbnlp.solutions.accuracy import Accuracy
 from hbnlp.solutions.equations import along_load
-from hbnlp.solutions.ipopt import Ipopt, minimise
+from hbnlp.solutions.ipopt import Ipopt, is_quick, minimise
 from hbnlp.solutions.rootfinder import Rootfinder
 from hbnlp.solutions.sizes import sizes_at
 from hbnlp.solutions.solution import Solution, make_solution
@@ -37,7 +37,8 @@ def attempt(
     """Return what the method makes of a guess, with enough samples of the force; ``start`` says where it is from.
 
     Of a problem with a tolerance it has as many harmonics as that asks for, or the most that there may be; ``accuracy``
-    is that of the record that it belongs to, where there is one.
+    is that of the record that it belongs to, where there is one. What leads on from one number of harmonics to a larger
+    one is Newton's method where IPOPT would take long: it begins beside the solution.
     """
     if accuracy is None and problem.truncation is not None:
         accuracy = Accuracy(problem)
@@ -47,10 +48,15 @@ def attempt(
         curve = along_load(problem, values)
         y = curve.unknowns.joined(correction.y, [1.0])
         error, wanted, better = accuracy.judge(curve, y, curve.unknowns.fixing_last())
-        if wanted == problem.n_harmonics:
+        own = problem.n_harmonics
+        if wanted == own:
             break
         problem = problem.with_harmonics(wanted)
-        problem, correction = _sampled(problem, values, problem.vector(better), method)
+        nearby = Newton() if isinstance(method, Ipopt) and not is_quick(problem) else method
+        problem, correction = _sampled(problem, values, problem.vector(better), nearby)
+        if not correction.converged:
+            met = f"{own} harmonics lead to a motion with an error of {error:.1e}, {wanted} from there to none"
+            correction = dataclasses.replace(correction, reason=f"{correction.reason}; {met}")
     statistics: dict[str, float | str] = {
         "start": start,
         "method": type(method).__name__,
@@ -83,7 +89,7 @@ def _sampled(
 def meets_a_corner(failed: Solution) -> bool:
     """Return whether a motion that an attempt ended at meets a corner of the force, of which no samples are enough."""
     problem = failed.problem
-    if problem is None or problem.samples_are_settled:
+    if problem is None:
         return False
     return problem.corner(failed.coefficients.ravel(), problem.values(failed.parameters)) is not None
 

@@ -13,7 +13,7 @@ from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.types import Array
 from hbnlp.solutions.attempt import ROUGH, Method, attempt, meets_a_corner
 from hbnlp.solutions.homotopy import from_linear_system
-from hbnlp.solutions.ipopt import Ipopt
+from hbnlp.solutions.ipopt import Ipopt, is_quick
 from hbnlp.solutions.solution import Solution
 
 PATIENCE = 50
@@ -98,6 +98,12 @@ def _from_linear(
         yield way.x, method, "from a linear system"
     else:
         told.append(way.reason)
+    if not is_quick(problem):
+        told.append(
+            f"IPOPT, which would take {problem.n_samples} samples times {problem.size} unknowns, was not tried: give "
+            "method=hbnlp.Ipopt() and some minutes, or fewer n_samples"
+        )
+        return
     # at a resonance without damping the linear response says nothing: begin away from rest as well
     load = float(np.max(np.abs(problem.assembly.load_derivative(values))))
     yield linear, Ipopt(), "linear response"

@@ -19,6 +19,9 @@ from hbnlp.core.types import Array
 from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.sizes import sizes_at
 
+LARGEST_PROGRAM = 1_000_000
+"""Samples times unknowns of a program for which IPOPT is taken unasked: of a larger one an iteration takes seconds."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Ipopt:
@@ -59,6 +62,11 @@ class Ipopt:
                 "nlp_scaling_method": "gradient-based",
             },
         }
+
+
+def is_quick(problem: HarmonicBalance) -> bool:
+    """Return whether some hundred iterations of IPOPT on a balance are over in a minute or so."""
+    return problem.n_samples * problem.size <= LARGEST_PROGRAM
 
 
 class FreeParameters:

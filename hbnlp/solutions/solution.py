@@ -18,6 +18,7 @@ from hbnlp.core.kept import by_one_thread
 from hbnlp.core.kinds import Status
 from hbnlp.core.layout import Column, Layout, counted_from_one, facts, name_in, numbers_by_name, table, texts
 from hbnlp.core.records import loaded, save_record
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
 from hbnlp.solutions.attaching import check_belongs, check_problem
@@ -26,7 +27,7 @@ from hbnlp.systems.symmetry import Symmetry, inherent
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Solution:
+class Solution(ReadOnlyArrays):
     """A periodic solution ``q(tau) = a_0 + sum_h a_{2h-1} cos(h tau / periods) + a_{2h} sin(h tau / periods)``.
 
     Many methods: what a motion is asked for, most in one line.

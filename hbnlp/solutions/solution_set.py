@@ -27,6 +27,7 @@ from hbnlp.core.layout import (
     whole,
 )
 from hbnlp.core.records import loaded, save_record
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.fourier import n_coefficients, padded, resize
 from hbnlp.solutions.attaching import check_problem
 from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
@@ -70,7 +71,7 @@ class SearchState:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SolutionSet(Sequence[Solution]):
+class SolutionSet(ReadOnlyArrays, Sequence[Solution]):
     """The solutions at one parameter point that `hbnlp.find_all` found, a sequence of them, smallest first.
 
     Attributes

@@ -17,7 +17,7 @@ from hbnlp.core.renamed import renamed_arguments
 from hbnlp.solutions.accuracy import problem_and_guess
 from hbnlp.solutions.attempt import Method, attempt
 from hbnlp.solutions.cold_start import cold_start
-from hbnlp.solutions.solution import Solution
+from hbnlp.solutions.solution import Solution, attached
 
 MANY = 20
 """Harmonics of the forcing with which a cold start begins at most, where fewer lead nowhere."""
@@ -89,7 +89,8 @@ def solve(
             solution = cold_start(problem, values, method)
     if solution.converged or not throw:
         return solution
-    reason, corner = solution.statistics["reason"], problem.corner(solution.coefficients, values)
+    reason, ended = solution.statistics["reason"], attached(solution)
+    corner = ended.corner(solution.coefficients, values)
     if corner is not None and str(corner) not in str(reason):
         reason = f"{reason}; perhaps because {corner}"
     point = ", ".join(f"{k}={v:g}" for k, v in solution.parameters.items())

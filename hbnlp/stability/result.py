@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.stability.modes import ConstantPart
 
@@ -43,7 +44,7 @@ class Floquet:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FloquetResult:
+class FloquetResult(ReadOnlyArrays):
     """Floquet multipliers of one periodic solution.
 
     Attributes

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from hbnlp.core.checks import finite_numbers, instance_of, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.renamed import renamed_arguments
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.systems.linear_stability import eigenvalues
 from hbnlp.systems.parameters import OMEGA
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LiftResponse:
+class LiftResponse(ReadOnlyArrays):
     """First-harmonic lift per pitching acceleration, C_L / alpha'', of linear membrane wings and of the rigid wing.
 
     Attributes

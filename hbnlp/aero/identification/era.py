@@ -31,6 +31,7 @@ from hbnlp.aero.arrays import check_finite
 from hbnlp.aero.provenance import Provenance
 from hbnlp.aero.rom import AeroROM
 from hbnlp.core.checks import finite_array, instance_of, whole_number
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array
 
 logger = logging.getLogger(__name__)
@@ -41,7 +42,7 @@ class ShortRecordWarning(UserWarning):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Realisation:
+class Realisation(ReadOnlyArrays):
     """A ROM realised from time records.
 
     Attributes
