@@ -182,7 +182,7 @@ class Branch(AlongParameter, Tabular):
         Parameters
         ----------
         kind : Kind or str
-            Or its word ("fold") or code ("LP", "BP", "PD", "NS" or "TR", "HB" or "H").
+            Or its word ("fold") or code ("LP", "BP", "PD", "NS" or "TR", "HB" or "H", "UZ").
 
         Raises
         ------

@@ -168,6 +168,8 @@ def unpacked(content: dict[str, Any], problem: HarmonicBalance | None) -> tuple[
     for i, row in enumerate(content["special_points"]):
         if row["index"] >= len(content["parameter"]):
             raise ValueError(f"special point {i} lies after point {row['index']} of {len(content['parameter'])}")
+        if (row["kind"] is Kind.EVENT) is (row["event"] is None):
+            raise ValueError(f"special point {i} is a {row['kind'].value}, and its event {row['event']!r}")
         n_harmonics = coefficients.shape[2] // 2 if numbers is None else int(numbers[i])
         own = slice(n_coefficients(n_harmonics))
         solution = Solution(

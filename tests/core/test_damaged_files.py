@@ -173,7 +173,7 @@ LOOSE = {
 """Where nan says that there is nothing."""
 
 
-MAY_LACK = {"fold_curve": {"periods", "output_names"}}
+MAY_LACK = {"fold_curve": {"periods", "output_names", "event"}}
 """What files of earlier versions do not say."""
 
 
