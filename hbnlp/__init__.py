@@ -58,6 +58,7 @@ from hbnlp.systems.system import System
 from hbnlp.wing.coupling import membrane_wing
 from hbnlp.wing.lift import lift_response
 from hbnlp.wing.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
+from hbnlp.wing.statespace import linear_wing
 
 __version__ = version("hbnlp")
 
@@ -117,6 +118,7 @@ __all__ = [
     "identification",
     "integrate",
     "lift_response",
+    "linear_wing",
     "locate_peak",
     "membrane_wing",
     "peaks",
