@@ -62,6 +62,7 @@ from hbnlp.systems.system import System
 from hbnlp.wing.coupling import membrane_wing
 from hbnlp.wing.lift import lift_response
 from hbnlp.wing.membrane import LinearMembrane, NonlinearMembrane, QuasiLinearMembrane
+from hbnlp.wing.statespace import linear_wing
 from hbnlp.wing.validity import ValidityLimits
 
 __version__ = version("hbnlp")
@@ -127,6 +128,7 @@ __all__ = [
     "identification",
     "integrate",
     "lift_response",
+    "linear_wing",
     "locate_peak",
     "membrane_wing",
     "peaks",

@@ -365,6 +365,7 @@ def examples():
             "max_periods": 2000, "periodic_tol": 1e-2, "throw": True, "callbacks": (),
         },
         "lift_response": {"wing": w.wing, "omega": [0.5], "tensions": [1.0], "at": None},
+        "linear_wing": {"wing": w.wing, "at": None, "rest": None},
         "locate_peak": {
             "problem": w.problem, "output": "x", "name": "omega", "near": w.branch.solution(30), "harmonic": 1,
             "method": None, "bracket": None, "index": 0,

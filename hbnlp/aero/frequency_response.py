@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -13,12 +13,16 @@ from numpy.typing import ArrayLike
 
 from hbnlp.aero.table import read_table, write_table
 from hbnlp.core.checks import file_name, finite_array, instance_of, real_number, whole_number
+from hbnlp.core.extras import from_extra
 from hbnlp.core.layout import Column, Layout, mapping
 from hbnlp.core.records import loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.tables.table import Table, table_of
 from hbnlp.tables.tabular import Tabular
+
+if TYPE_CHECKING:
+    import control
 
 _LAYOUT = Layout(
     kind="FrequencyResponse",
@@ -158,6 +162,20 @@ class FrequencyResponse(ReadOnlyArrays, Tabular):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write one ``.npz`` file, all of it or nothing."""
         save_record(self, path, _LAYOUT)
+
+    def to_frd(self) -> control.FrequencyResponseData:
+        """Return the response as a ``control.FrequencyResponseData`` from motions to loads, G(i omega).
+
+        Its inputs are `motion_names`, its outputs `load_names`; the static value and the steady load have no place.
+
+        Raises
+        ------
+        ImportError
+            If the package ``control`` is not installed (extra ``hbnlp[control]``).
+        """
+        package = from_extra("control", "control", "a control.FrequencyResponseData")
+        values = np.moveaxis(self.values, 0, -1)
+        return package.FrequencyResponseData(values, self.omega, inputs=self.motion_names, outputs=self.load_names)
 
     def _table(self) -> Table:
         names = {"load": self.load_names, "motion": self.motion_names}

@@ -65,7 +65,9 @@ def plot_phase(solution: Solution, output: str, *, ax: Axes | None = None, **opt
     ax = axes(ax, figsize=(4.8, 4.4))
     style = {"linewidth": 1.4, **options}
     line = ax.plot(values[:TIMES], rates[:TIMES], **style)[0]
-    ax.plot(values[TIMES:], rates[TIMES:], "o", color=line.get_color(), label="once a forcing period")
+    told = "once a forcing period"
+    label = None if told in ax.get_legend_handles_labels()[1] else told
+    ax.plot(values[TIMES:], rates[TIMES:], "o", color=line.get_color(), label=label)
     ax.set(xlabel=output, ylabel=f"rate of {output}")
     ax.legend(frameon=False)
     return ax

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import finite_numbers, instance_of, real_number
+from hbnlp.core.extras import from_extra
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.layout import Column, Layout
 from hbnlp.core.renamed import renamed_arguments
@@ -23,6 +24,7 @@ from hbnlp.tables.table import Table, table_of
 from hbnlp.tables.tabular import Tabular
 
 if TYPE_CHECKING:
+    import control
     from matplotlib.axes import Axes
 
 
@@ -67,6 +69,22 @@ class LiftResponse(ReadOnlyArrays, Tabular):
         from hbnlp.plot import plot_lift_response
 
         return plot_lift_response(self, ax=ax, **options)
+
+    def to_frd(self) -> control.FrequencyResponseData:
+        """Return the response as a ``control.FrequencyResponseData`` from pitching acceleration to lift.
+
+        Its input is ``alpha_acceleration``; its outputs are ``C_L_1``, ``C_L_2``, ... of the tensions in their order,
+        and ``C_L_rigid`` of the rigid wing.
+
+        Raises
+        ------
+        ImportError
+            If the package ``control`` is not installed (extra ``hbnlp[control]``).
+        """
+        package = from_extra("control", "control", "a control.FrequencyResponseData")
+        names = [*(f"C_L_{k + 1}" for k in range(self.tensions.size)), "C_L_rigid"]
+        values = np.vstack([self.membrane, self.rigid])[:, np.newaxis]
+        return package.FrequencyResponseData(values, self.omega, inputs=["alpha_acceleration"], outputs=names)
 
     def _table(self) -> Table:
         return table_of(self, _LAYOUT, axes=("omega", "tensions"))
