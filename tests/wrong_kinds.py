@@ -271,6 +271,7 @@ def examples():
         "Diagram.march": {"self": w.diagram, "way": "up", "begin": 0.9, "integrated": False, "max_periods": 2000},
         "Diagram.plot": {"self": w.diagram, "output": "x", "ax": None, "harmonic": 1},
         "Diagram.save": {"self": w.diagram, "path": "no such folder/file"},
+        "Diagram.to_netcdf": {"self": w.diagram, "path": "no such folder/file"},
         "Floquet": {"tol": 1e-6, "nodes": 8, "intervals": 8, "max_intervals": 64},
         "FoldBranch.of_kind": {"self": w.curve, "kind": "cusp"},
         "FoldBranch.plot": {"self": w.curve, "ax": None},

@@ -18,11 +18,14 @@ from hbnlp.diagrams.marching import March, march
 from hbnlp.diagrams.meeting import image_of, is_crossed, least_size, place_of
 from hbnlp.diagrams.storing import LAYOUT, branches_of, columns_of
 from hbnlp.diagrams.stretches import Interval, Stretch, intervals_of, stretches_of
+from hbnlp.diagrams.table import joined
 from hbnlp.diagrams.tracing import before_first
 from hbnlp.solutions.identity import meets
 from hbnlp.solutions.solution import Solution, attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.systems.symmetry import Symmetry
+from hbnlp.tables.table import Table
+from hbnlp.tables.tabular import Tabular
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +97,7 @@ class Motion:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Diagram:
+class Diagram(Tabular):
     """Branches that are connected, and others beside them.
 
     Attributes
@@ -264,6 +267,9 @@ class Diagram:
         for branch in branches:
             branch.check_its_problem()
         return diagram
+
+    def _table(self) -> Table:
+        return joined([branch._table() for branch in self.branches], self.message)
 
     def _row(self, junction: Junction) -> dict[str, Any]:
         first = junction.branches[0]

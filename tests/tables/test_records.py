@@ -30,6 +30,11 @@ def records(branch):
     return {
         "branch": branch,
         "branch without stability": hbnlp.trace(problem, "omega", (0.9, 0.95), stability=None),
+        "diagram": hbnlp.explore(
+            hbnlp.HarmonicBalance(duffing(damping_ratio=0.05, cubic=1.0, force=2.0), tolerance=1e-3),
+            "omega",
+            (0.5, 1.0),
+        ),
         "sweep": hbnlp.sweep(problem, "omega", np.linspace(1.2, 1.4, 11)),
         "sweep by integration": hbnlp.sweep(problem.system, "omega", [0.6, 0.7], max_periods=30),
         "fold curve": hbnlp.follow(branch.folds[0], "force", span=(0.17, 0.19)),
@@ -44,6 +49,7 @@ def records(branch):
 KINDS = {
     "branch": ("point", {"omega", "amplitudes", "displacements", "multipliers", "special_kind"}),
     "branch without stability": ("point", {"omega", "amplitudes", "displacements"}),
+    "diagram": ("point", {"omega", "branch", "periods", "amplitudes", "multipliers", "special_branch"}),
     "sweep": ("point", {"omega", "amplitudes", "displacements", "converged", "jumps"}),
     "sweep by integration": ("point", {"omega", "amplitudes", "displacements", "states", "periodic"}),
     "fold curve": ("point", {"omega", "force", "displacements"}),
@@ -53,6 +59,22 @@ KINDS = {
     "frequency response": ("omega", {"omega", "values", "static"}),
     "lift response": ("omega", {"omega", "tension", "membrane", "rigid", "growth"}),
 }
+
+
+def test_a_diagram_has_the_points_of_its_branches_one_after_another(records):
+    diagram, table = records["diagram"], records["diagram"].to_xarray()
+    assert len(diagram) > 1
+    assert np.array_equal(np.bincount(table.branch), [len(branch) for branch in diagram.branches])
+    for number, branch in enumerate(diagram.branches):
+        own = table.isel(point=table.branch.values == number)
+        assert np.array_equal(own.omega, branch.parameter)
+        most = branch.amplitudes.shape[-1]
+        missing = np.arange(most) > branch.n_harmonics[:, None]
+        expected = np.where(missing[:, None, :], np.nan, branch.amplitudes)
+        assert np.array_equal(own.amplitudes[..., :most], expected, equal_nan=True)
+        assert np.isnan(own.amplitudes[..., most:]).all()
+        at = table.special_value[table.special_branch.values == number]
+        assert np.array_equal(at, [point.value for point in branch.special_points])
 
 
 def test_a_branch_has_the_dimensions_of_its_arrays_and_its_parameter_along_its_points(branch):
