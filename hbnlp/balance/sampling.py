@@ -110,7 +110,7 @@ class Sampling(FieldsAlone):
         enough = self.n_samples
         if self.settled:
             in_proportion = ceil(enough * max(1.0, n_harmonics / self.n_harmonics))
-            enough = max(enough, min(in_proportion, MOST_SAMPLES))
+            enough = max(enough, min(in_proportion, MANY_SAMPLES))
         n_samples = max(other.n_samples, enough)
         return dataclasses.replace(other, n_samples=n_samples, settled=self.settled, automatic=False)
 

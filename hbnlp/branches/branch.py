@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 class Branch(AlongParameter, Tabular):
     """Points along a curve of periodic solutions, in order.
 
+    Many methods: what a branch is asked for, most in one line.
+
     Attributes
     ----------
     name : str
