@@ -23,6 +23,8 @@ APART = 2.6
 """Two whose angles differ by more than this at one of the points do not meet: the difference has no sign near pi."""
 FAR = 0.3
 """A forecast that comes no nearer to the unit circle than this part of the nearer end is not looked at."""
+NEAR_CIRCLE, UNKNOWN = 0.05, 1e-12
+"""Two that part or join while one is this near to the unit circle are worth a look, if less than what is forecast."""
 ERROR = 0.03
 """How far the parabola through the squares of differences may be off between two points, relative to their change."""
 MIDWAY = 3.0 / 64.0
@@ -140,6 +142,9 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
         farthest = -side * sign  # the error that takes the multiplier farthest beyond the circle, as seen from the ends
         beyond = -side * (basis @ mean + sign * np.sqrt(likely + farthest * either).real)
         worth = np.minimum(beyond + FAR * nearer, beyond + nearer - 4.0 * margin).max(axis=0)
+        # where two part, or join, within the step the parabola through what was before tells least: it is looked at once
+        parts = (square[ends[0]].real * square[ends[1]].real < 0.0) & (nearer < NEAR_CIRCLE) & (worth <= 0.0)
+        worth[parts] = UNKNOWN
         worth[at_ends[0] * at_ends[1] <= 0.0] = -np.inf
         k = int(worth.argmax())
         if worth[k] > (best.worth if best is not None else 0.0):
