@@ -2,9 +2,9 @@
 
 The frequency changed in steps, the state carried over, up from rest at omega = 0.5, down from rest at 70. A step after
 which the response differs by more than `CHANGE` is taken back and made half as long, from the state before it, down to
-`SHORTEST`; a change that is left then is a jump, unless it is a small one of a motion that had not settled (`jumped`):
-the wake forgets slowly. So what is found does not hang on the steps: a motion of a small basin is left by long steps,
-not by short ones. ``--halved`` makes all of them half as long, as a check.
+`SHORTEST`; a change that is left then is a jump, unless the response changes as much if it is held where it is: the
+wake forgets slowly. So what is found does not hang on the steps: a motion of a small basin is left by long steps, not
+by short ones. ``--halved`` makes all of them half as long, as a check.
 
 A response is held for `HOLD` units of time, for `LONGEST` if it still changes after that: modulated motions, and those
 that leave slowly. What is kept of it is the mean over a window of `WINDOW` units, in whole periods of the pitch.
@@ -39,9 +39,10 @@ LONGEST_STEP, SHORTEST = 0.1, 0.003
 CHANGE, FLOOR = 0.25, 1e-2
 """Of a harmonic of the lift, the largest that one step may make; relative to it and this part of the largest."""
 HOLD, LONGEST, WINDOW = 120.0, 240.0, 12.0
-SETTLED, QUIET, SETTLING = 1e-4, 2e-4, 1e-2
-"""Changes of the state over a window: the hold is over at the first, and goes on beyond `HOLD` above the last; what
-changes by less than the second has settled."""
+SETTLED, SETTLING = 1e-4, 1e-2
+"""Changes of the state over a window: the hold is over at the first, and goes on beyond `HOLD` above the second."""
+MODULATED = 0.05
+"""Lift between the harmonics of the pitch, relative to the largest of them, from which on a response is modulated."""
 RATE = 360.0
 """Steps in a unit of time: the fastest lag state decays at a rate of 828, for which the scheme is stable from 300."""
 FEWEST = 128
@@ -81,8 +82,20 @@ class Hold:
         self.camber = float(abs(membrane.camber(response.q[:: max(1, len(response.q) // 512)].T)).max())
         self.state = state
 
+    @property
+    def modulated(self) -> bool:
+        """Whether it does not repeat itself with the pitch."""
+        return self.between > MODULATED * float(self.lift.max())
+
+    def whole_difference(self, other: Hold) -> float:
+        """Return how far its lift as a whole is from another's."""
+        sizes = np.linalg.norm([self.lift, other.lift], axis=1)
+        return float(np.linalg.norm(self.lift - other.lift) / sizes.max())
+
     def difference(self, other: Hold) -> float:
-        """Return how far its harmonics of the lift are from another's."""
+        """Return how far each harmonic of the lift is from another's; of modulated responses, the lift as a whole."""
+        if self.modulated or other.modulated:
+            return self.whole_difference(other)
         sizes = np.maximum(self.lift, other.lift)
         return float((abs(self.lift - other.lift) / (sizes + FLOOR * sizes.max())).max())
 
@@ -96,13 +109,6 @@ class Hold:
             f"{self.time:.0f}",
             f"{jump:d}",
         ]
-
-
-def jumped(before: Hold, after: Hold) -> bool:
-    """Return whether a motion was left: its lift as a whole is another, or a harmonic of one that had settled is."""
-    sizes = np.linalg.norm([before.lift, after.lift], axis=1)
-    whole = np.linalg.norm(after.lift - before.lift) > CHANGE * sizes.max()
-    return after.difference(before) > CHANGE and bool(whole or before.change < QUIET)
 
 
 def march(wing: hbnlp.System, way: str, scale: float) -> Iterator[tuple[Hold, bool]]:
@@ -120,7 +126,8 @@ def march(wing: hbnlp.System, way: str, scale: float) -> Iterator[tuple[Hold, bo
         if change > CHANGE and step > shortest:
             step = max(step / 2.0, shortest)
             continue
-        yield there, jumped(here, there)
+        jump = change > CHANGE and Hold(wing, here.omega, here.state).difference(here) < change / 2.0
+        yield there, jump
         here = there
         if change < CHANGE / 2.0:
             step = min(2.0 * step, longest)
