@@ -18,11 +18,12 @@ at 4.577.
 branch of its own; it becomes modulated near 28 and falls at 24.4 to the asymmetric quiet motion that ends in the
 symmetric one at 16.05.
 
-*Right:* one, three, five and seven harmonics, marched by Newton's method as the paper does. Up to :math:`\omega = 4`
-and on the quiet motion five suffice; a march up leaves the resonant motion early, at 4.8 with five and 9.3 with seven,
-where higher modes resonate with the highest harmonic that is kept.
+*Right:* one, three, five and seven harmonics, marched by Newton's method as the paper does. All leave the quiet motion
+at 4.6. How far up the resonant motion reaches they do not agree: a march leaves it near 48, 42 and 44 with one, three
+and five harmonics; with seven at 9.3, near the true end of the symmetric motion, and for the quiet one: a symmetric
+motion has nothing in it from which Newton's method could find the asymmetric one.
 
-11 s.
+14 s.
 """
 
 from pathlib import Path
@@ -85,15 +86,20 @@ for h, colour in ((1, "0.6"), (3, "C0"), (5, "C1"), (7, "C3")):
         print(f"H = {h} {way:>4}: jumps at omega =", ", ".join(f"{w:.2f}" for w in left[h, way]))
         style = {"color": colour, "linestyle": "-" if way == "up" else "--", "marker": ""}
         march.plot("C_L", ax=axes[2], per="alpha_acceleration", decibels=True, label=f"H = {h}, {way}", **style)
-assert left[5, "up"][0] < 5.0
-assert 9.0 < left[7, "up"][0] < 9.5
+assert all(abs(left[h, "down"][-1] - 4.6) < 0.1 for h in (1, 3, 5, 7))
+np.testing.assert_allclose([left[h, "up"][0] for h in (1, 3, 5, 7)], [48.0, 42.3, 44.1, 9.26], rtol=0.03)
 axes[2].set(
-    xscale="log", xlabel=r"$\omega c/U$", ylabel="", title="marched with 1, 3, 5 and 7 harmonics", ylim=(-70.0, 45.0)
+    xscale="log",
+    xlabel=r"$\omega c/U$",
+    ylabel="",
+    title="marched with 1, 3, 5 and 7 harmonics",
+    xlim=(0.3, 80.0),
+    ylim=(-40.0, 45.0),
 )
 axes[2].legend(fontsize="small", loc="lower left")
 titles = ("traced to a tolerance, and marched by Runge-Kutta", "harmonics 1, 3, 5 and 7 of the lift: the same")
-for ax, title, lowest in zip(axes, titles, (-70.0, -120.0), strict=False):
-    ax.set(xscale="log", xlabel=r"$\omega c/U$", title=title, ylim=(lowest, 45.0))
+for ax, title, lowest in zip(axes, titles, (-40.0, -95.0), strict=False):
+    ax.set(xscale="log", xlabel=r"$\omega c/U$", title=title, xlim=(0.3, 80.0), ylim=(lowest, 45.0))
     ax.legend(loc="lower left", fontsize="small")
 axes[0].set_ylabel(r"$|C_L| \,/\, |\alpha''|$ (dB)")
 figure.savefig("figure_5_harmonics.png", dpi=110)
