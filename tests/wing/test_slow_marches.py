@@ -93,3 +93,12 @@ def test_a_fold_of_the_motions_traced_to_a_tolerance_has_a_multiplier_of_one(mem
 def test_the_ends_of_the_quasi_linear_motions_at_two_and_a_half_degrees():
     for value in (4.57710, 9.14964, 39.35736):
         assert np.min(abs(ends("quasi_linear") / value - 1.0)) < 1e-5
+
+
+def test_the_full_membrane_is_left_at_the_folds_of_its_motions():
+    march, found = stored("march_nonlinear_up"), ends("nonlinear")
+    (first, second) = [np.sort(march["omega"][i - 1 : i + 1]) for i in np.flatnonzero(march["jump"])]
+    assert np.any((first[0] < found) & (found < first[1]) & (abs(found - 7.60533) < 1e-4))
+    # the march falls 0.03 per cent before the traced fold, whose error of truncation is 0.01 per cent
+    assert abs(second[1] / 15.96724 - 1.0) < 5e-4
+    assert np.min(abs(found - 15.96724)) < 1e-4

@@ -11,7 +11,7 @@ that leave slowly. What is kept of it is the mean over a window of `WINDOW` unit
 
 The results are ``../results/wing_march_*.csv``: a line a frequency, where ``jump`` is 1 if the motion was left between
 the line before and this one. CPU time on one core: some 4 min for each of the quasi-linear membrane's, 12 min
-for each of the full one's::
+for each of the full one's (of which the march up is kept as far as omega = 43)::
 
     python march.py quasi_linear up
     python march.py quasi_linear up --halved
