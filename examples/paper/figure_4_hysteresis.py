@@ -23,9 +23,9 @@ there. With seven harmonics they are gone, and 4.577 stays. The end of the reson
 
 *Where motions really end.* The bars are stable motions with as many harmonics as a tolerance of 1e-3 asks for, each
 named by the mode that is largest in it: the first mode's, asymmetric from 8.32 on, ends at a fold at 39.357; the
-quiet motion becomes the second mode's at 16.047, asymmetric as well; the third mode's, on a branch of its own, begins
-at a Neimark-Sacker point at 27.654. :doc:`figure_5_harmonics` holds them to direct integration. These points are stored
-(``benchmarks/validation/membrane_wing/diagram.py`` makes them, in some minutes).
+quiet motion (modulated from 5.79 to 7.50) becomes the second mode's at 16.047, asymmetric as well; the third mode's, on
+a branch of its own, begins at a Neimark-Sacker point at 27.654. :doc:`figure_5_harmonics` holds them to direct integration. These points
+are stored (``benchmarks/validation/membrane_wing/diagram.py`` makes them, in some minutes).
 """
 
 from pathlib import Path
@@ -76,8 +76,9 @@ for each in (ax, near):
     branch.plot("C_L", ax=each, per="alpha_acceleration", decibels=True)
     each.set_ylabel(r"$|C_L| \,/\, |\alpha''|$ (dB)")
 for row, (name, (low, high)) in enumerate(stable.items()):
-    ax.hlines(-62.0 - 5.0 * (row - (row > 1)), low, high, color=f"C{row}", linewidth=4.0)
-    ax.text(high, -61.0 - 5.0 * (row - (row > 1)), name, color=f"C{row}", fontsize="small", ha="right")
+    level = -54.0 - 9.0 * (row - (row > 1))
+    ax.hlines(level, low, high, color=f"C{row}", linewidth=4.0)
+    ax.text(high, level + 1.0, name, color=f"C{row}", fontsize="small", ha="right", va="bottom")
 near.set(xlim=(4.0, 6.0), ylim=(-20.0, 16.0))
 near.axvspan(limit, 6.0, color="0.94", zorder=0)
 near.text(limit + 0.03, 6.0, "camber > 0.1\n(resonant)", color="0.4", fontsize="small")
