@@ -22,10 +22,10 @@ nowhere near, and both sides are stable: those belong to the truncated equations
 there. With seven harmonics they are gone, and 4.577 stays. The end of the resonant branch, near 44 to 47, is no better.
 
 *Where motions really end.* The bars are stable motions with as many harmonics as a tolerance of 1e-3 asks for, each
-named by the mode that is largest in it: the first mode's, asymmetric from 8.32 on, ends at a fold at 39.357; the
-quiet motion (modulated from 5.79 to 7.50) becomes the second mode's at 16.047, asymmetric as well; the third mode's, on
-a branch of its own, begins at a Neimark-Sacker point at 27.654. :doc:`figure_5_harmonics` holds them to direct integration. These points
-are stored (``benchmarks/validation/membrane_wing/diagram.py`` makes them, in some minutes).
+named by the mode that is largest in it: the first mode's, asymmetric from 8.32 on, ends at a fold at 39.357; the quiet
+motion (modulated from 5.79 to 7.50) becomes the second mode's at 16.047, asymmetric as well; the third mode's, on a
+branch of its own, begins at a Neimark-Sacker point at 27.654. :doc:`figure_5_harmonics` holds them to direct
+integration. These points are stored (``benchmarks/validation/membrane_wing/diagram.py`` makes them, in some minutes).
 """
 
 from pathlib import Path

@@ -15,6 +15,9 @@ for each of the full one's (of which the march up is kept as far as omega = 43):
 
     python march.py quasi_linear up
     python march.py quasi_linear up --halved
+
+The quasi-linear march down that is kept was taken up again at 7.617 from the traced motion, on which it was, and in the
+kept files what changed as much when held was told from a jump by its change over a window, not by another hold.
 """
 
 from __future__ import annotations
