@@ -11,7 +11,8 @@ of the branches is listed and becomes the start of another, which is traced both
 The pitch amplitude is 2.5 degrees. *Left:* with one harmonic, the trace from low frequencies holds three solutions
 inside its hysteresis interval, and the search finds more: resonances of higher modes, each a detached branch that
 begins at a fold of its own (where, the hysteresis map tells: :doc:`hysteresis_map`) and ends at another one far
-above (stability is that of the one-harmonic motions). No march in frequency finds them.
+above (stability is that of the one-harmonic motions). A march up does not meet them; one down from rest at a high
+frequency can begin on one (:doc:`figure_5_harmonics`).
 
 *Right:* with five harmonics (stability left out) there are asymmetric motions as well, two mirror images each, on
 branches that cross the symmetric one at its branch points: six loops, and pieces that leave the span. The search adds

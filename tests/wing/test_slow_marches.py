@@ -1,0 +1,104 @@
+"""Slow marches by Runge-Kutta, and the motions traced to a tolerance: two ways that know nothing of each other.
+
+Both are stored; ``benchmarks/validation/membrane_wing`` makes them (march.py, diagram.py).
+"""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+RESULTS = Path(__file__).parents[2] / "benchmarks" / "validation" / "results"
+MEMBRANES = ("quasi_linear",)
+SETTLED = 2.5e-3
+"""Change of the state over twelve units of time."""
+MODULATED = 0.01
+"""Lift between the harmonics of the pitch, relative to the first of them."""
+membranes = pytest.mark.parametrize("membrane", MEMBRANES)
+marches = pytest.mark.parametrize(("membrane", "way"), [(m, way) for m in MEMBRANES for way in ("up", "down")])
+
+
+def stored(name):
+    return np.genfromtxt(RESULTS / f"wing_{name}.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+
+
+def stable_stretches(membrane):
+    """Return (omega, |C_L|) of the stable parts of all branches, cut where they turn."""
+    curve, found = stored(f"diagram_{membrane}"), []
+    for number in np.unique(curve["branch"]):
+        part = curve[curve["branch"] == number]
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(part["omega"])))) + 1
+        changes = np.flatnonzero(np.diff(part["stable"])) + 1
+        for begin, end in pairwise(sorted({0, *turns, *changes, len(part)})):
+            piece = np.sort(part[begin:end], order="omega")
+            if part["stable"][begin] and len(piece) > 1:
+                found.append((piece["omega"], piece["lift_1"]))
+    return found
+
+
+def ends(membrane):
+    points = stored(f"points_{membrane}")
+    return points["omega"][points["changes"] == 1]
+
+
+@marches
+def test_every_jump_of_a_march_has_a_special_point_of_the_traced_motions_in_its_bracket(membrane, way):
+    march, found = stored(f"march_{membrane}_{way}"), 0
+    for i in np.flatnonzero(march["jump"]):
+        low, high = sorted(march["omega"][i - 1 : i + 1])
+        assert high / low < 1.0035
+        inside = ends(membrane)
+        if (
+            march["between"][i - 1] < 0.05 * march["lift_1"][i - 1]
+        ):  # else a modulated motion ended, which is not traced
+            assert np.any((low < inside) & (inside < high)), (low, high)
+            found += 1
+    assert found >= 1
+
+
+@marches
+def test_a_march_and_the_traced_motions_agree_to_half_a_per_cent_where_it_has_settled(membrane, way):
+    march, stretches = stored(f"march_{membrane}_{way}"), stable_stretches(membrane)
+    settled = (march["change"] < SETTLED) & (march["between"] < MODULATED * march["lift_1"])
+    assert np.count_nonzero(settled) > 0.7 * len(march)
+    for row in march[settled]:
+        omega = row["omega"]
+        here = [(w, lift) for w, lift in stretches if w[0] <= omega <= w[-1]]
+        traced = [np.exp(np.interp(np.log(omega), np.log(w), np.log(lift))) for w, lift in here]
+        beside = (
+            np.min(abs(omega / stored(f"points_{membrane}")["omega"] - 1.0)) < 0.03
+        )  # beyond the last point before an end
+        assert beside or np.min(abs(np.array(traced) / row["lift_1"] - 1.0)) < 5e-3, omega
+
+
+@membranes
+def test_integration_from_every_stable_stretch_one_per_cent_larger_comes_back_to_it(membrane):
+    reached = np.atleast_1d(stored(f"reached_{membrane}"))
+    assert len(reached) >= 5
+    for harmonic in (1, 3):
+        traced, integrated = reached[f"traced_{harmonic}"], reached[f"integrated_{harmonic}"]
+        assert np.all(abs(integrated / traced - 1.0) < 5e-3)
+
+
+@membranes
+def test_a_fold_of_the_motions_traced_to_a_tolerance_has_a_multiplier_of_one(membrane):
+    points = stored(f"points_{membrane}")
+    multipliers = points["multiplier"][points["kind"] == "fold"].astype(complex)
+    assert np.all(abs(multipliers - 1.0) < 1e-3)
+    assert np.all(points["truncation_error"] <= 1e-3)
+    assert points["n_harmonics"].max() <= 64
+
+
+def test_the_ends_of_the_quasi_linear_motions_at_two_and_a_half_degrees():
+    for value in (4.57710, 9.14964, 39.35736):
+        assert np.min(abs(ends("quasi_linear") / value - 1.0)) < 1e-5
+
+
+def test_the_full_membrane_is_left_at_the_folds_of_its_motions():
+    march, found = stored("march_nonlinear_up"), ends("nonlinear")
+    (first, second) = [np.sort(march["omega"][i - 1 : i + 1]) for i in np.flatnonzero(march["jump"])]
+    assert np.any((first[0] < found) & (found < first[1]) & (abs(found - 7.60533) < 1e-4))
+    # the march falls 0.03 per cent before the traced fold, whose error of truncation is 0.01 per cent
+    assert abs(second[1] / 15.96724 - 1.0) < 5e-4
+    assert np.min(abs(found - 15.96724)) < 1e-4
