@@ -142,7 +142,7 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
         farthest = -side * sign  # the error that takes the multiplier farthest beyond the circle, as seen from the ends
         beyond = -side * (basis @ mean + sign * np.sqrt(likely + farthest * either).real)
         worth = np.minimum(beyond + FAR * nearer, beyond + nearer - 4.0 * margin).max(axis=0)
-        # where two part, or join, within the step the parabola through what was before tells least: it is looked at once
+        # where two part, or join, within the step the parabola through what was before tells least
         parts = (square[ends[0]].real * square[ends[1]].real < 0.0) & (nearer < NEAR_CIRCLE) & (worth <= 0.0)
         worth[parts] = UNKNOWN
         worth[at_ends[0] * at_ends[1] <= 0.0] = -np.inf
