@@ -65,9 +65,9 @@ QUICK = [
 ]
 """Seeds that take about a second.
 
-At 54 and 29 the steps of Newton's method overflow on the way to the first point, at 68, 257 and 906 pairs of multipliers
-meet, at 516 and 555 samples of the force rise at the first point and on the way, at 454 to more than 8192; at 1049 a
-motion is so small that steps might be longer than a tongue.
+At 54 and 29 the steps of Newton's method overflow on the way to the first point, at 68, 257 and 906 pairs of
+multipliers meet, at 516 and 555 samples of the force rise at the first point and on the way, at 454 to more than 8192;
+at 1049 a motion is so small that steps might be longer than a tongue.
 """
 
 

@@ -23,8 +23,9 @@ APART = 2.6
 """Two whose angles differ by more than this at one of the points do not meet: the difference has no sign near pi."""
 FAR = 0.3
 """A forecast that comes no nearer to the unit circle than this part of the nearer end is not looked at."""
-NEAR_CIRCLE, UNKNOWN = 0.05, 1e-12
-"""Two that part or join while one is this near to the unit circle are worth a look, if less than what is forecast."""
+FAR_APART, UNKNOWN = 8.0, 1e-12
+"""Two that part or join, at one end by this many times the distance of the nearer one from the unit circle, are worth a
+look, if less than what is forecast."""
 ERROR = 0.03
 """How far the parabola through the squares of differences may be off between two points, relative to their change."""
 MIDWAY = 3.0 / 64.0
@@ -143,8 +144,8 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
         beyond = -side * (basis @ mean + sign * np.sqrt(likely + farthest * either).real)
         worth = np.minimum(beyond + FAR * nearer, beyond + nearer - 4.0 * margin).max(axis=0)
         # where two part, or join, within the step the parabola through what was before tells least
-        parts = (square[ends[0]].real * square[ends[1]].real < 0.0) & (nearer < NEAR_CIRCLE) & (worth <= 0.0)
-        worth[parts] = UNKNOWN
+        parts = (square[ends[0]].real * square[ends[1]].real < 0.0) & (known[ends].max(axis=0) > FAR_APART * nearer)
+        worth[parts & (worth <= 0.0)] = UNKNOWN
         worth[at_ends[0] * at_ends[1] <= 0.0] = -np.inf
         k = int(worth.argmax())
         if worth[k] > (best.worth if best is not None else 0.0):

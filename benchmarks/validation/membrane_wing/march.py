@@ -16,8 +16,8 @@ for each of the full one's (of which the march up is kept as far as omega = 43):
     python march.py quasi_linear up
     python march.py quasi_linear up --halved
 
-Both marches of the quasi-linear membrane that are kept are this script's. In the full membrane's march up, from before it
-was finished, what changed as much when held was told from a jump by its change over a window, not by another hold.
+Both marches of the quasi-linear membrane that are kept are this script's. In the full membrane's march up, from before
+it was finished, what changed as much when held was told from a jump by its change over a window, not by another hold.
 """
 
 from __future__ import annotations
