@@ -54,7 +54,10 @@ camber = [membrane.camber(s.displacement(phase / s.omega)).max() for s in map(br
 excessive = int(np.argmax(np.array(camber) > 0.1))
 limit = branch.parameter[excessive]
 
-path = Path(hbnlp.__file__).parents[1] / "benchmarks" / "validation" / "results" / "wing_points_quasi_linear.csv"
+# stored beside the examples: found from wherever in the checkout this runs
+places = (Path.cwd(), *Path.cwd().parents, Path(hbnlp.__file__).parents[1])
+results = next(place / "benchmarks" / "validation" / "results" for place in places if (place / "benchmarks").is_dir())
+path = results / "wing_points_quasi_linear.csv"
 points = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
 ends = points["omega"][points["changes"] == 1]
 stable = {

@@ -33,7 +33,9 @@ from matplotlib import pyplot as plt
 
 import hbnlp
 
-RESULTS = Path(hbnlp.__file__).parents[1] / "benchmarks" / "validation" / "results"
+# stored beside the examples: found from wherever in the checkout this runs
+places = (Path.cwd(), *Path.cwd().parents, Path(hbnlp.__file__).parents[1])
+RESULTS = next(place / "benchmarks" / "validation" / "results" for place in places if (place / "benchmarks").is_dir())
 pitch = {"pitch_amplitude": np.radians(2.5)}
 
 
@@ -72,8 +74,7 @@ for (way, march), marker, colour in zip(marched.items(), "^v", ("C0", "C3"), str
         falls.extend(inside)
 np.testing.assert_allclose(sorted({round(fold, 3) for fold in falls}), [4.577, 9.150, 39.357])
 
-# %%
-# One, three, five and seven harmonics, marched by Newton's method.
+# one, three, five and seven harmonics, marched by Newton's method
 membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
 wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
 omega = np.geomspace(0.3, 60.0, 130)

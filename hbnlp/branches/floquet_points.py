@@ -67,10 +67,13 @@ def bifurcation_function(
     if neither changes its sign by more than rounding.
     """
     margin = max(at(point).options.tol for point in (before, after))
+    hidden = kind is Kind.NEIMARK_SACKER and _counted(at(before), at(after)).hidden
     for radius in (1.0, 1.0 + margin):
         test = _test(kind, before, after, at, which, radius)
         ends = test(before), test(after)
-        if ends[0] * ends[1] < 0.0 and min(map(abs, ends)) > ROUNDING * max(map(abs, ends)):
+        # a product of many factors differs by orders of magnitude between the ends, but its factors are above rounding
+        least = 0.0 if hidden else ROUNDING * max(map(abs, ends))
+        if ends[0] * ends[1] < 0.0 and min(map(abs, ends)) > least:
             return test
     return None
 
