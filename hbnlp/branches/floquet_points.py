@@ -19,6 +19,9 @@ Multipliers = Callable[[Point], FloquetResult]
 ROUNDING = 1e-8
 """Factors of test functions below this have no sign to be trusted; nor has a function relative to its other end."""
 
+SMALLEST = -600.0
+"""Logarithm of the smallest product that is told from another."""
+
 
 def crossings(a: FloquetResult, b: FloquetResult) -> tuple[Kind, ...]:
     """Return which Floquet bifurcations the multipliers of two neighbouring points imply, one for each.
@@ -160,6 +163,8 @@ def _product_test(at: Multipliers, before: Point, after: Point) -> Callable[[Poi
     def test(point: Point) -> float:
         """Product of 1 - mu_i mu_j over all pairs, relative to that at the ends."""
         sample = samples_at(at(point).multipliers, 0.0)[-1]
-        return sample.sign * float(np.exp(sample.logarithm - reference)) if sample is not None else 0.0
+        if sample is None:
+            return 0.0
+        return sample.sign * float(np.exp(max(sample.logarithm - reference, SMALLEST)))  # not zero: its sign counts
 
     return test
