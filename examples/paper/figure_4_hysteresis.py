@@ -86,6 +86,8 @@ near.set(xlim=(4.0, 6.0), ylim=(-20.0, 16.0))
 near.axvspan(limit, 6.0, color="0.94", zorder=0)
 near.text(limit + 0.03, 6.0, "camber > 0.1\n(resonant)", color="0.4", fontsize="small")
 near.get_legend().remove()
+legend = ax.get_legend()  # two columns above the curves: the bars are below them
+ax.legend(legend.legend_handles, [text.get_text() for text in legend.texts], ncols=2, loc="upper right", frameon=False)
 figure.savefig("figure_4_hysteresis.png", dpi=110)
 
 assert branch.end is hbnlp.End.SPAN_END
