@@ -56,7 +56,7 @@ class Interrupts:
 
         An error in a block that was interrupted is what the interrupt was turned into; one of CasADi about a callback
         of the user's is raised in the user's words. Blocks may stand in each other.
-        Outside the main thread, and where SIGINT is ignored, this does nothing.
+        Outside the main thread, and where SIGINT is ignored, no interrupt is kept.
 
         Parameters
         ----------
@@ -66,7 +66,10 @@ class Interrupts:
         """
         before = signal.getsignal(signal.SIGINT)
         if not callable(before) or not _in_main_thread():
-            yield self
+            try:
+                yield self
+            except Exception as error:
+                raise in_users_words(error)  # noqa: B904 - its cause is set
             return
         outermost = before is not self._here
         at_once = self._at_once and not outermost
