@@ -68,7 +68,7 @@ class Interrupts:
         if not callable(before) or not _in_main_thread():
             try:
                 yield self
-            except Exception as error:
+            except RuntimeError as error:  # CasADi's are
                 raise in_users_words(error)  # noqa: B904 - its cause is set
             return
         outermost = before is not self._here
