@@ -88,15 +88,6 @@ class Truncation:
             number = _next(number)
         return min(number * self.periods, self.most_harmonics)
 
-    def below(self, n_harmonics: int) -> int | None:
-        """Return the largest number that is tried and less than this one; None if there is none."""
-        number = self.least
-        if n_harmonics <= number * self.periods:
-            return None
-        while _next(number) * self.periods < n_harmonics:
-            number = _next(number)
-        return number * self.periods
-
     def doubled(self) -> Truncation:
         """Return the policy for motions over twice as many periods."""
         most = min(2 * self.most_harmonics, MOST_HARMONICS)
