@@ -8,6 +8,7 @@ Every periodic signal is ``a(theta) = a_0 + sum_h a_{2h-1} cos(h theta) + a_{2h}
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,6 +98,12 @@ def padded(amplitudes: ComplexArray, n_harmonics: int) -> ComplexArray:
     result = np.zeros((*amplitudes.shape[:-1], n_harmonics + 1), dtype=complex)
     result[..., : amplitudes.shape[-1]] = amplitudes
     return result
+
+
+def of_equal_length(*arrays: Array | ComplexArray) -> list[Any]:
+    """Return arrays (..., L) with the last axis of the longest: zeros stand for harmonics that some do not have."""
+    most = max(each.shape[-1] for each in arrays)
+    return [np.pad(each, [(0, 0)] * (each.ndim - 1) + [(0, most - each.shape[-1])]) for each in arrays]
 
 
 def stretch(coefficients: ArrayLike, factor: int) -> Array:

@@ -14,7 +14,7 @@ from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.point import Point
 from hbnlp.core.kinds import End, Kind
 from hbnlp.core.types import Array
-from hbnlp.fourier import n_coefficients
+from hbnlp.fourier import n_coefficients, of_equal_length
 from hbnlp.solutions.columns import not_met
 from hbnlp.solutions.equations import Equations
 from hbnlp.stability.result import FloquetResult
@@ -130,11 +130,8 @@ def _slim(record: Traced) -> Traced:
 
 
 def _joined(old: Array, new: Array) -> Array:
-    """Return the rows of one column after those of another; zeros stand for harmonics that a row does not have."""
-    if old.shape[1:] != new.shape[1:]:
-        most = max(old.shape[-1], new.shape[-1])
-        old, new = (np.pad(each, [(0, 0), (0, 0), (0, most - each.shape[-1])]) for each in (old, new))
-    return np.concatenate([old, new])
+    """Return the rows of one column after those of another."""
+    return np.concatenate(of_equal_length(old, new) if old.ndim > 1 else [old, new])
 
 
 def _bracketed(point: SpecialPoint, parameter: Array) -> SpecialPoint:

@@ -11,6 +11,7 @@ import numpy as np
 from hbnlp.branches.branch import LAYOUT as BRANCH
 from hbnlp.core.layout import Column
 from hbnlp.core.types import Array
+from hbnlp.fourier import of_equal_length
 from hbnlp.tables.table import Table
 
 _LAYOUT = dataclasses.replace(
@@ -51,13 +52,4 @@ def joined(tables: Sequence[Table], message: str) -> Table:
 
 
 def _one_after_another(columns: Sequence[Array]) -> Array:
-    """Return rows of several arrays in one, zeros in the place of harmonics that some do not have."""
-    most = max(column.shape[-1] for column in columns)
-    if columns[0].ndim > 1:
-        columns = [_padded(column, most) for column in columns]
-    return np.concatenate(columns)
-
-
-def _padded(column: Array, most: int) -> Array:
-    widths = [(0, 0)] * (column.ndim - 1) + [(0, most - column.shape[-1])]
-    return np.pad(column, widths)
+    return np.concatenate(of_equal_length(*columns) if columns[0].ndim > 1 else columns)

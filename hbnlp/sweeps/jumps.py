@@ -9,6 +9,7 @@ import numpy as np
 
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.types import Array, ComplexArray
+from hbnlp.fourier import of_equal_length
 
 SUSPICIOUS = 0.02
 """A relative change of the response from value to value that calls for the proof."""
@@ -24,8 +25,7 @@ def relative_change(before: Array | ComplexArray, after: Array | ComplexArray) -
 
     Zeros stand for the harmonics that only one of them has.
     """
-    most = max(before.shape[-1], after.shape[-1])
-    one, other = (np.pad(each, [(0, 0), (0, most - each.shape[-1])]) for each in (before, after))
+    one, other = of_equal_length(before, after)
     size = max(float(np.linalg.norm(one)), float(np.linalg.norm(other)), TINY)
     return float(np.linalg.norm(other - one)) / size
 
