@@ -10,8 +10,10 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shutil
 import stat
 import sys
+import tempfile
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -72,6 +74,22 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         if part is not None:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
+
+
+@contextmanager
+def written_by_name(path: str | os.PathLike[str], name: str) -> Iterator[Path]:
+    """Give a place of this name to what opens files by name only; what it wrote there is copied whole to ``path``.
+
+    Raises
+    ------
+    SaveError
+        As `written_whole` does.
+    """
+    with written_whole(path) as handle, tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / name
+        yield made
+        with made.open("rb") as source:
+            shutil.copyfileobj(source, handle)
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

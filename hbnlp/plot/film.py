@@ -6,8 +6,6 @@ import base64
 import io
 import json
 import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -18,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from hbnlp.core.checks import file_name, refused
-from hbnlp.core.files import written_whole
+from hbnlp.core.files import written_by_name, written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,9 +81,13 @@ def write_film(
     SaveError
         (An `OSError`.) If the file cannot be written; an older one is as it was.
     """
-    write = {".gif": _write_gif, ".mp4": _write_mp4, ".html": _write_page}[Path(os.fsdecode(path)).suffix.lower()]
-    with written_whole(path) as handle:
-        write(handle, figure, draw, n_frames, frames_per_second)
+    ending = Path(os.fsdecode(path)).suffix.lower()
+    if ending == ".mp4":
+        with written_by_name(path, "film.mp4") as made:
+            _write_mp4(made, figure, draw, n_frames, frames_per_second)
+    else:
+        with written_whole(path) as handle:
+            (_write_gif if ending == ".gif" else _write_page)(handle, figure, draw, n_frames, frames_per_second)
 
 
 def _pictures(figure: Figure, draw: Callable[[int], Any], n_frames: int) -> Iterator[Image.Image]:
@@ -104,18 +106,12 @@ def _write_gif(
     frames[0].save(handle, format="GIF", save_all=True, append_images=frames[1:], duration=milliseconds, loop=0)
 
 
-def _write_mp4(
-    handle: IO[bytes], figure: Figure, draw: Callable[[int], Any], n_frames: int, frames_per_second: int
-) -> None:
-    # ffmpeg writes to names only
-    with tempfile.TemporaryDirectory() as folder:
-        made, writer = Path(folder) / "film.mp4", FFMpegWriter(fps=frames_per_second)
-        with writer.saving(figure, os.fspath(made), figure.dpi):
-            for k in range(n_frames):
-                draw(k)
-                writer.grab_frame()
-        with made.open("rb") as source:
-            shutil.copyfileobj(source, handle)
+def _write_mp4(made: Path, figure: Figure, draw: Callable[[int], Any], n_frames: int, frames_per_second: int) -> None:
+    writer = FFMpegWriter(fps=frames_per_second)
+    with writer.saving(figure, os.fspath(made), figure.dpi):
+        for k in range(n_frames):
+            draw(k)
+            writer.grab_frame()
 
 
 def _write_page(

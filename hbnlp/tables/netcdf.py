@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +10,7 @@ import numpy as np
 
 from hbnlp.core.checks import file_name, refused
 from hbnlp.core.extras import from_extra
-from hbnlp.core.files import written_whole
+from hbnlp.core.files import written_by_name
 
 if TYPE_CHECKING:
     import xarray
@@ -34,12 +32,8 @@ def write_netcdf(values: xarray.Dataset, path: str | os.PathLike[str]) -> None:
     netcdf_name("path", path)
     for package in ("h5netcdf", "h5py"):
         from_extra(package, "tables", "a file of netCDF")
-    # h5netcdf opens names only: the file is made elsewhere, and copied to its place
-    with written_whole(path) as handle, tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "table.nc"
+    with written_by_name(path, "table.nc") as made:
         split(values).to_netcdf(made, engine="h5netcdf")
-        with made.open("rb") as source:
-            shutil.copyfileobj(source, handle)
 
 
 def netcdf_name(name: str, path: Any) -> None:
