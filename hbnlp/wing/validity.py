@@ -13,6 +13,7 @@ from hbnlp.aero import AeroROM
 from hbnlp.core.callbacks import Progress
 from hbnlp.core.checks import counted, instance_of, real_number, refused
 from hbnlp.core.errors import ValidityWarning
+from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, BoolArray, ComplexArray
 from hbnlp.fourier import basis_values, to_real
 from hbnlp.wing.membrane import Membrane
@@ -52,7 +53,7 @@ class ValidityLimits:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Validity:
+class Validity(ReadOnlyArrays):
     """What speaks against believing motions of a wing, point by point, and the limits that it is judged by.
 
     Attributes
