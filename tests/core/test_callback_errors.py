@@ -1,5 +1,7 @@
 """What a user's casadi.Callback raises is said in the user's words, wherever it is called from."""
 
+import signal
+
 import casadi as ca
 import pytest
 
@@ -49,6 +51,16 @@ def test_the_error_names_the_callback_and_says_what_it_said(call, end, capfd):
         CALLS[call](system(table))
     assert isinstance(caught.value.__cause__, RuntimeError)
     assert "ends here" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_it_does_so_where_interrupts_are_ignored_as_in_the_background_of_a_shell(call):
+    table, before = Table(0.05), signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with pytest.raises(hbnlp.CallbackError, match="the table ends here"):
+            CALLS[call](system(table))
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_what_was_computed_before_is_kept():
