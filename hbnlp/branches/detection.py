@@ -12,6 +12,7 @@ from hbnlp.branches.events import Events
 from hbnlp.branches.floquet_points import bifurcation_function, critical_multiplier, crossings, samples_at
 from hbnlp.branches.folds import fold_by_newton, fold_sensitivity, left_null_vector
 from hbnlp.branches.forecast import Spectrum, hidden_crossing, on_circle, turn
+from hbnlp.branches.recent import Recent
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.along import Along
 from hbnlp.continuation.branch_points import BranchPoint
@@ -27,8 +28,6 @@ from hbnlp.solutions.identity import broken_in
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import FloquetResult
 
-KEPT = 24
-"""Points whose multipliers are kept: those of a step and of the looks into it."""
 SHORTEST = 1e-6
 """Shorter steps are not looked into."""
 STATIONARY = 1e-3
@@ -77,7 +76,7 @@ class Detector:
     def __init__(self, evaluator: FloquetEvaluator | None, newton: Newton, events: Sequence[Event] = ()) -> None:
         self._evaluator, self._newton = evaluator, newton
         self._events = Events(events, newton) if events else None
-        self._known: list[tuple[Point, FloquetResult]] = []
+        self._known: Recent[FloquetResult] = Recent()
         self._earlier: Spectrum | None = None
         self._crossing: BranchPoint | None = None
         self._on_circle: _Ended | None = None
@@ -183,7 +182,9 @@ class Detector:
 
     def same(self, known: Point, other: Point) -> None:
         """Take the multipliers of one point for another, in its place on a curve with fewer harmonics."""
-        self._known += [(other, result) for point, result in self._known if point is known]
+        result = self._known.of(known)
+        if result is not None:
+            self._known.keep(other, result)
 
     def alike(self, known: Point, curve: Equations, other: Point) -> bool:
         """Return whether a point, and another in its place on a curve, are on the same side of all special points."""
@@ -194,21 +195,19 @@ class Detector:
             return False
         if self._evaluator is None:
             return True
-        before = next((result for point, result in self._known if point is known), None)
+        before = self._known.of(known)
         return before is None or not crossings(before, self._floquet(curve, other, self._evaluator))
 
     def _spectrum(self, curve: Equations, point: Point, evaluator: FloquetEvaluator) -> Spectrum:
         return Spectrum(point.arclength, self._floquet(curve, point, evaluator).multipliers)
 
     def _floquet(self, curve: Equations, point: Point, evaluator: FloquetEvaluator) -> FloquetResult:
-        for known, result in self._known:
-            if known is point:
-                return result
-        near = self._known[-1][1] if self._known else None
+        known = self._known.of(point)
+        if known is not None:
+            return known
         own = _with_harmonics_of(curve, evaluator)
-        result = own(curve.coefficients(point.y), curve.values(point.y), near=near)
-        self._known = [*self._known[-KEPT:], (point, result)]
-        return result
+        result = own(curve.coefficients(point.y), curve.values(point.y), near=self._known.latest)
+        return self._known.keep(point, result)
 
     def _bifurcation(
         self,

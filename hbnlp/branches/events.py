@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from hbnlp.balance.problem import HarmonicBalance
+from hbnlp.branches.recent import Recent
 from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.locating import between, locate
 from hbnlp.continuation.newton import Newton
@@ -16,16 +17,13 @@ from hbnlp.core.kinds import Kind
 from hbnlp.solutions.equations import Equations
 from hbnlp.solutions.events import Event, EventValue
 
-KEPT = 24
-"""Points whose values are kept: those of a step and of the looks into it."""
-
 
 class Events:
     """Finds the events in the steps of one trace."""
 
     def __init__(self, events: Sequence[Event], newton: Newton) -> None:
         self._events, self._newton = tuple(events), newton
-        self._known: list[tuple[Point, tuple[EventValue, ...]]] = []
+        self._known: Recent[tuple[EventValue, ...]] = Recent()
 
     def between(self, curve: Equations, before: Point, after: Point, index: int) -> list[SpecialPoint]:
         """Return the events in a step, in branch order; ``index`` is the number of the point before it."""
@@ -53,7 +51,7 @@ class Events:
 
     def alike(self, known: Point, curve: Equations, other: Point) -> bool:
         """Return whether a point, and another in its place on a curve, are on the same side of all events."""
-        here = next((values for point, values in self._known if point is known), None)
+        here = self._known.of(known)
         if here is None:
             return True
         pairs = zip(here, self._at(curve, other), strict=True)
@@ -63,13 +61,11 @@ class Events:
         return self._at(curve, point)[number].value
 
     def _at(self, curve: Equations, point: Point) -> tuple[EventValue, ...]:
-        for known, values in self._known:
-            if known is point:
-                return values
+        known = self._known.of(point)
+        if known is not None:
+            return known
         x, p = curve.coefficients(point.y).ravel(), curve.values(point.y)
-        values = tuple(event.at(curve.problem, x, p) for event in self._events)
-        self._known = [*self._known[-KEPT:], (point, values)]
-        return values
+        return self._known.keep(point, tuple(event.at(curve.problem, x, p) for event in self._events))
 
     def _crossings(self, curve: Equations, before: Point, after: Point, number: int) -> list[tuple[Point, Point]]:
         """Return the parts of a step in which an event's function changes its sign: none, the step, or two parts.
