@@ -30,11 +30,11 @@ from hbnlp.core.layout import (
 from hbnlp.core.records import AlongParameter, check_parameters, content_of, loaded, save_columns
 from hbnlp.core.types import Array, BoolArray, ComplexArray, IntArray
 from hbnlp.fourier import n_coefficients
-from hbnlp.solutions.attaching import check_belongs, check_problem
+from hbnlp.solutions.attaching import attached, check_belongs, check_problem
 from hbnlp.solutions.columns import HARMONICS, check_numbers, numbers_of_harmonics
 from hbnlp.solutions.crossing import solution_between
 from hbnlp.solutions.equations import along_parameter
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution
 from hbnlp.tables.table import Table, table_of
 from hbnlp.tables.tabular import Tabular
 

@@ -12,7 +12,7 @@ from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import null_vector
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
-from hbnlp.solutions.solution import attached
+from hbnlp.solutions.attaching import attached
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.spectra import NEGLIGIBLE
 from hbnlp.systems.lags import periodic_lag_states

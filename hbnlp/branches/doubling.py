@@ -17,8 +17,9 @@ from hbnlp.continuation.newton import Newton
 from hbnlp.continuation.point import finish, start_point
 from hbnlp.core.types import Array
 from hbnlp.fourier import stretch
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.equations import along_parameter
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution
 
 FIRST, FARTHEST = 1e-5, 0.05
 """Steps along the branch, relative to the solution: the first of the secant method, and beyond which it has failed."""

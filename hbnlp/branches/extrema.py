@@ -15,9 +15,10 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind, Status
 from hbnlp.core.types import Array
 from hbnlp.solutions.accuracy import Accuracy, Judgement
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.ipopt import Ipopt, minimise
-from hbnlp.solutions.solution import Solution, attached, make_solution
+from hbnlp.solutions.solution import Solution, make_solution
 
 
 @interrupts_kept()

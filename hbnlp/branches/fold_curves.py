@@ -30,9 +30,9 @@ from hbnlp.core.records import loaded, save_record, values_of
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, IntArray
 from hbnlp.fourier import n_coefficients, resize
-from hbnlp.solutions.attaching import check_belongs, check_problem
+from hbnlp.solutions.attaching import attached, check_belongs, check_problem
 from hbnlp.solutions.columns import HARMONICS, check_numbers, numbers_of_harmonics
-from hbnlp.solutions.solution import Solution, attached, make_solution
+from hbnlp.solutions.solution import Solution, make_solution
 from hbnlp.tables.table import Table, table_of
 from hbnlp.tables.tabular import Tabular
 

@@ -31,12 +31,12 @@ from hbnlp.core.renamed import fewer_arguments, renamed_arguments
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.fourier import resize
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.columns import not_met
 from hbnlp.solutions.conditions import NullVector
 from hbnlp.solutions.equations import Equations, along_event, along_folds, along_parameter, settled
 from hbnlp.solutions.events import EXPECTED, Event, EventFunction
 from hbnlp.solutions.ipopt import FreeParameters
-from hbnlp.solutions.solution import attached
 from hbnlp.systems.parameters import ParameterSet
 
 AS_FOLLOW = "follow(fold, 'force', span=...): a fold knows its problem and its own parameter"

@@ -15,14 +15,14 @@ from hbnlp.continuation.point import Point, start_point
 from hbnlp.core.errors import SamplingError
 from hbnlp.core.types import Array
 from hbnlp.fourier import n_coefficients
-from hbnlp.solutions.attaching import check_belongs
+from hbnlp.solutions.attaching import attached, check_belongs
 from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.columns import check_numbers
 from hbnlp.solutions.equations import Equations, along_load, along_parameter
 from hbnlp.solutions.odd import is_odd_throughout
 from hbnlp.solutions.odd_equations import OddEquations
 from hbnlp.solutions.sizes import size_of_nonlinearity
-from hbnlp.solutions.solution import Solution, attached, guess_for
+from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.solutions.solving import solve
 from hbnlp.stability.result import Floquet
 

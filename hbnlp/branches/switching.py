@@ -15,9 +15,10 @@ from hbnlp.core.checks import instance_of, real_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import Kind
 from hbnlp.core.renamed import fewer_arguments, renamed_arguments
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.equations import along_parameter
 from hbnlp.solutions.sizes import size_of_nonlinearity
-from hbnlp.solutions.solution import Solution, attached, guess_for
+from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import FloquetResult
 

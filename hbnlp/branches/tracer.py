@@ -27,9 +27,10 @@ from hbnlp.core.kinds import End
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.sending import StaysHere
 from hbnlp.core.types import Array
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.equations import Equations
 from hbnlp.solutions.events import EventFunction, events_of
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.stability.result import Floquet
 from hbnlp.systems.linear_stability import check_linear_stability

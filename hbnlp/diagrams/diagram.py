@@ -20,8 +20,9 @@ from hbnlp.diagrams.storing import LAYOUT, branches_of, columns_of
 from hbnlp.diagrams.stretches import Interval, Stretch, intervals_of, stretches_of
 from hbnlp.diagrams.table import joined
 from hbnlp.diagrams.tracing import before_first
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.identity import meets
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution
 from hbnlp.stability.multipliers import FloquetEvaluator
 from hbnlp.systems.symmetry import Symmetry
 from hbnlp.tables.table import Table

@@ -24,7 +24,8 @@ from hbnlp.diagrams.stretches import Stretch
 from hbnlp.fourier import to_real
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.settling import integrate
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.attaching import attached
+from hbnlp.solutions.solution import Solution
 
 if TYPE_CHECKING:
     from hbnlp.diagrams.diagram import Diagram

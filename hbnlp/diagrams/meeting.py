@@ -11,8 +11,9 @@ from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.continuation.curve import TINY
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import Kind
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.identity import meets
-from hbnlp.solutions.solution import Solution, attached, guess_for
+from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.systems.symmetry import Symmetry
 
 CROSSED = (Kind.BRANCH_POINT, Kind.PERIOD_DOUBLING)

@@ -13,8 +13,9 @@ from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import End
 from hbnlp.diagrams.meeting import is_crossed, place_of
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.events import EventFunction
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution
 from hbnlp.stability.result import Floquet
 
 

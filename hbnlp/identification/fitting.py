@@ -19,7 +19,8 @@ from hbnlp.core.types import Array
 from hbnlp.design.program import Optimum, Program
 from hbnlp.design.responses import response_at
 from hbnlp.design.variables import Variables
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.attaching import attached
+from hbnlp.solutions.solution import Solution
 
 INDISTINCT = 1e8
 """A larger condition number of the scaled Jacobian means that the measurements do not determine the variables."""

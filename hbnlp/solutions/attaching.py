@@ -1,8 +1,10 @@
-"""A problem for what came from a file: checked to be the record's own."""
+"""The problem that a record knows, or is given when it comes from a file: checked to be its own."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -16,6 +18,25 @@ if TYPE_CHECKING:
 EXPECTED = "the HarmonicBalance(system, n_harmonics=...) of the record"
 LARGEST_RESIDUAL = 1e-6
 """A solution whose residual is a larger part of its terms is none of the problem."""
+
+
+class Attachable(Protocol):
+    """A record that knows its problem, unless it came from a file."""
+
+    @property
+    def problem(self) -> HarmonicBalance | None:
+        """The problem, or None."""
+        ...
+
+
+def attached(
+    record: Attachable, advice: str = "load it with problem=..., or its branch, or solve it again"
+) -> HarmonicBalance:
+    """Return the problem of a record; a record from a file has none, which is a ValueError with the advice."""
+    if record.problem is None:
+        kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(record).__name__).lower()
+        raise ValueError(f"a {kind} from a file has no problem, and so no equations: {advice}")
+    return record.problem
 
 
 def check_problem(problem: HarmonicBalance | None) -> None:
@@ -66,3 +87,14 @@ def check_belongs(problem: HarmonicBalance, solution: Solution, *, what: str, wh
             "the system that it is of"
         )
     return problem
+
+
+def with_problem(solution: Solution, problem: HarmonicBalance, *, what: str = "solution") -> Solution:
+    """Return a solution with its problem, which has as many samples as it needs; see `check_belongs`."""
+    own, origin = problem.carrying(solution.n_harmonics), solution.origin
+    if solution.converged:
+        own = check_belongs(own, solution, what=what)
+    there = own.carrying(origin.n_harmonics) if origin is not None else own
+    if origin is not None and origin.coefficients.shape == there.shape and origin.periods == there.periods:
+        origin = replace(origin, problem=there)
+    return replace(solution, problem=own, origin=origin)

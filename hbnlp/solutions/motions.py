@@ -10,10 +10,11 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.continuation.newton import Newton
 from hbnlp.core.types import Array
 from hbnlp.solutions.accuracy import problem_and_guess
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.attempt import attempt, iterate
 from hbnlp.solutions.cold_start import linear_size
 from hbnlp.solutions.identity import meets, moved, without_turns
-from hbnlp.solutions.solution import Solution, attached, guess_for
+from hbnlp.solutions.solution import Solution, guess_for
 from hbnlp.systems.symmetry import Symmetry
 
 REST = 1e-6

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -21,7 +20,7 @@ from hbnlp.core.records import check_parameters, loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import basis_derivatives, basis_values, stretch, to_real
-from hbnlp.solutions.attaching import check_belongs, check_problem
+from hbnlp.solutions.attaching import attached, check_problem, with_problem
 from hbnlp.solutions.identity import meets, moved
 from hbnlp.systems.symmetry import Symmetry, inherent
 from hbnlp.tables.table import Table, table_of
@@ -311,17 +310,6 @@ _LAYOUT = Layout(
 )
 
 
-def with_problem(solution: Solution, problem: HarmonicBalance, *, what: str = "solution") -> Solution:
-    """Return a solution with its problem, which has as many samples as it needs; see `check_belongs`."""
-    own, origin = problem.carrying(solution.n_harmonics), solution.origin
-    if solution.converged:
-        own = check_belongs(own, solution, what=what)
-    there = own.carrying(origin.n_harmonics) if origin is not None else own
-    if origin is not None and origin.coefficients.shape == there.shape and origin.periods == there.periods:
-        origin = replace(origin, problem=there)
-    return replace(solution, problem=own, origin=origin)
-
-
 @by_one_thread
 def _function(problem: HarmonicBalance, expression: ca.MX) -> ca.Function:
     own = {hash(symbol) for symbol in (problem.x, problem.p)}
@@ -339,25 +327,6 @@ def _times(t: ArrayLike) -> Array:
     if times.ndim > 1:
         raise refused(ValueError, "t", t, "a time, or an array of times (k,)")
     return times
-
-
-class Attachable(Protocol):
-    """A record that knows its problem, unless it came from a file."""
-
-    @property
-    def problem(self) -> HarmonicBalance | None:
-        """The problem, or None."""
-        ...
-
-
-def attached(
-    record: Attachable, advice: str = "load it with problem=..., or its branch, or solve it again"
-) -> HarmonicBalance:
-    """Return the problem of a record; a record from a file has none, which is a ValueError with the advice."""
-    if record.problem is None:
-        kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(record).__name__).lower()
-        raise ValueError(f"a {kind} from a file has no problem, and so no equations: {advice}")
-    return record.problem
 
 
 def make_solution(

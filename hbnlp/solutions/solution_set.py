@@ -29,9 +29,9 @@ from hbnlp.core.layout import (
 from hbnlp.core.records import loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.fourier import n_coefficients, padded, resize
-from hbnlp.solutions.attaching import check_problem
+from hbnlp.solutions.attaching import check_problem, with_problem
 from hbnlp.solutions.columns import check_numbers, numbers_of_harmonics
-from hbnlp.solutions.solution import Solution, with_problem
+from hbnlp.solutions.solution import Solution
 from hbnlp.tables.table import Table, table_of
 from hbnlp.tables.tabular import Tabular
 

@@ -17,9 +17,10 @@ from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
 from hbnlp.fourier import to_complex
 from hbnlp.solutions.accuracy import problem_and_guess
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.attempt import Method, attempt
 from hbnlp.solutions.cold_start import cold_start
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution
 from hbnlp.systems.signals import excitation_signals
 
 MANY = 20

@@ -25,8 +25,9 @@ from hbnlp.core.checks import instance_of
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import resize, to_complex, to_real
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.equations import Equations, along_parameter
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution
 
 ALONE = 0.2
 """Harmonics that change each other by less than this part of what they are answer alone."""

@@ -19,7 +19,8 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.checks import instance_of
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.types import Array
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.attaching import attached
+from hbnlp.solutions.solution import Solution
 from hbnlp.stability.meshes import Exponential, Graded, OnMesh, Uniform
 from hbnlp.stability.modes import ConstantPart, Modes
 from hbnlp.stability.result import Floquet, FloquetResult

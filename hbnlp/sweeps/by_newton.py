@@ -16,10 +16,11 @@ from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, dri
 from hbnlp.core.types import Array
 from hbnlp.fourier import n_coefficients, padded, resize
 from hbnlp.solutions.accuracy import Accuracy, problem_and_guess
+from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.attempt import attempt
 from hbnlp.solutions.columns import not_met
 from hbnlp.solutions.equations import Equations, along_load
-from hbnlp.solutions.solution import Solution, attached
+from hbnlp.solutions.solution import Solution
 from hbnlp.solutions.solving import solve
 from hbnlp.sweeps.jumps import UNKNOWN, is_suspicious, relative_change
 from hbnlp.sweeps.records import Sweep
