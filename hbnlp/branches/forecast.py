@@ -21,6 +21,9 @@ REACH = 1.5
 """Those whose logarithm's real part is larger than this do not come to the unit circle within a step."""
 APART = 2.6
 """Two whose angles differ by more than this at one of the points do not meet: the difference has no sign near pi."""
+MEETING = 1.0
+"""Two whose parabola is zero nowhere within this many of its lengths, in the complex plane, do not meet: each is smooth
+by itself."""
 FAR = 0.3
 """A forecast that comes no nearer to the unit circle than this part of the nearer end is not looked at."""
 FAR_APART, UNKNOWN = 8.0, 1e-12
@@ -124,11 +127,13 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
     together = once & (np.abs(ratio.imag).max(axis=0) < APART)
     if not together.any():
         return None
-    i, j, ratio = i[together], j[together], ratio[:, together]
-    logarithms = np.log(np.abs(followed))
-    mean, square = 0.5 * (logarithms[:, i] + logarithms[:, j]), (0.5 * ratio) ** 2
-    error = ERROR * np.abs(square - np.roll(square, 1, axis=0)).max(axis=0)
     places = np.array([spectrum.place for spectrum in spectra])
+    i, j, square = i[together], j[together], (0.5 * ratio[:, together]) ** 2
+    asked = (i == j) | (_distance_of_zero(places, square, begin) < MEETING * (places[2] - places[0]))
+    i, j, square = i[asked], j[asked], square[:, asked]
+    logarithms = np.log(np.abs(followed))
+    mean = 0.5 * (logarithms[:, i] + logarithms[:, j])
+    error = ERROR * np.abs(square - np.roll(square, 1, axis=0)).max(axis=0)
     inside = begin + INSIDE * (places[2] - begin)
     basis = _lagrange(places, inside)
     off = np.abs(np.prod(inside[:, None] - places, axis=1)) / (places[2] - places[0]) ** 3 / MIDWAY
@@ -157,6 +162,25 @@ def _forecast(spectra: tuple[Spectrum, Spectrum, Spectrum], begin: float, margin
 
             best = _Expected(float(worth[k]), _lowest(distance, inside))
     return best
+
+
+def _distance_of_zero(places: Array, values: Array | ComplexArray, begin: float) -> Array:
+    """Return how far the nearest zero of parabolas through values (3, n) is from an interval, in the complex plane.
+
+    The interval is that from ``begin`` to the last of the places. A square root of the parabola is smooth within it as
+    far as its zeros are away.
+    """
+    steps = np.diff(places)
+    slopes = np.diff(values, axis=0) / steps[:, None]
+    a = (slopes[1] - slopes[0]) / steps.sum()
+    b, c = slopes[0] + a * steps[0], values[1]  # in the distance from the second place
+    root = np.sqrt(b * b - 4.0 * a * c)
+    q = -0.5 * (b + np.where((b.conj() * root).real < 0.0, -root, root))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        zeros = np.array([q / a, c / q])
+    zeros = places[1] + np.where(np.isfinite(zeros), zeros, np.where(c == 0.0, 0.0, np.inf))
+    aside = np.maximum(np.maximum(begin - zeros.real, zeros.real - places[2]), 0.0)
+    return np.asarray(np.hypot(aside, zeros.imag).min(axis=0))
 
 
 def _lowest(function: Callable[[Array], Array], places: Array) -> float:
