@@ -23,7 +23,7 @@ from hbnlp.solutions.odd import is_odd_throughout
 from hbnlp.solutions.odd_equations import OddEquations
 from hbnlp.solutions.sizes import size_of_nonlinearity
 from hbnlp.solutions.solution import Solution, guess_for
-from hbnlp.solutions.solving import solve
+from hbnlp.solutions.solving import solved
 from hbnlp.stability.result import Floquet
 
 SOLVED = 1e-9
@@ -128,7 +128,7 @@ def _first(
         raise ValueError(f"the start has {name} = {here:g}, outside the span {span}")
     sampled = None if x is None else _solved(problem, x, values)
     if x is None or sampled is None:
-        found = solve(asked, at=given, start=start)
+        found = solved(asked, at=given, start=start)
         sampled, x = attached(found), found.coefficients.ravel()
     problem = sampled
     floor = _smallest_solution(problem, values, name, span, x)

@@ -116,7 +116,8 @@ def trace(
             return tracer.branch(End.ERROR, str(ending))
         return tracer.branch({INTERRUPTED: End.INTERRUPTED, STOPPED: End.STOPPED}.get(ending))
 
-    branch = drive(f"tracing {name}", work(), result, name=name, callbacks=callbacks)
+    warn_of = tracer.problem.system.warn_of
+    branch = drive(f"tracing {name}", work(), result, name=name, callbacks=callbacks, warn_of=warn_of)
     if branch.end in (End.JUMP, End.STEP_TOO_SMALL, End.UNBOUNDED, End.CORNER, End.MAX_POINTS):
         logger.warning("the trace ended at %s = %.8g: %s", name, branch.parameter[-1], branch.message)
     return branch

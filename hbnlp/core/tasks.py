@@ -88,7 +88,13 @@ class Observers:
 
 
 def drive(
-    task: str, work: Iterable[Report], result: Callable[[Ending], Result], *, name: str, callbacks: Callbacks
+    task: str,
+    work: Iterable[Report],
+    result: Callable[[Ending], Result],
+    *,
+    name: str,
+    callbacks: Callbacks,
+    warn_of: Callable[[Any], None] | None = None,
 ) -> Result:
     """Do the work step by step, tell the callbacks of each, and return the result, however it ends.
 
@@ -101,12 +107,14 @@ def drive(
     result : callable
         Makes the record of what there is, from the word for how it ended (`UNDER_WAY` for a callback that asks).
     callbacks : sequence of callables
+    warn_of : callable, optional
+        Told of the record once, to warn of what speaks against it.
 
     Raises
     ------
     TaskError
-        If an error ends it; ``result`` is the record, the cause is the error. An error before the first step is over
-        is raised as it is: there is nothing to keep.
+        If an error ends it, or a warning is one; ``result`` is the record, the cause is the error. An error before the
+        first step is over is raised as it is: there is nothing to keep.
     """
     observers = Observers(callbacks, task, name)
     ending, report = COMPLETE, None
@@ -135,6 +143,11 @@ def drive(
             record = result(ending)
     if ending.error is not None:
         raise TaskError(task, record, ending.error) from ending.error
+    if warn_of is not None:
+        try:
+            warn_of(record)
+        except Warning as error:
+            raise TaskError(task, record, error) from error
     if ending is not COMPLETE:
         logger.warning("%s: %s", task, _last_words(ending, record, report))
     return record

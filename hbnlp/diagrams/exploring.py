@@ -41,7 +41,7 @@ from hbnlp.diagrams.tracing import Errand, steps, traced
 from hbnlp.solutions.events import Event, EventFunction, events_of, is_sendable
 from hbnlp.solutions.search import Search, find_all
 from hbnlp.solutions.solution import Solution
-from hbnlp.solutions.solving import solve
+from hbnlp.solutions.solving import solved
 from hbnlp.stability.result import Floquet
 
 AHEAD = 4
@@ -154,7 +154,8 @@ def explore(
         known=resume,
     )
     work = explorer.work(first, values, search or Search())
-    return drive(f"exploring {name}", work, explorer.diagram, name=name, callbacks=callbacks)
+    warn_of = problem.system.warn_of
+    return drive(f"exploring {name}", work, explorer.diagram, name=name, callbacks=callbacks, warn_of=warn_of)
 
 
 def _check_sendable(events: tuple[Event, ...]) -> None:
@@ -178,7 +179,7 @@ def _first(
     if isinstance(start, Solution) and start.problem is not None and at is None:
         return start
     own = start.parameters if isinstance(start, Solution) else {}
-    return solve(problem, at={name: span[0], **own, **(at or {})}, start=start)
+    return solved(problem, at={name: span[0], **own, **(at or {})}, start=start)
 
 
 class _Explorer:

@@ -27,7 +27,7 @@ from hbnlp.solutions.equations import along_load
 from hbnlp.solutions.motions import Motions
 from hbnlp.solutions.solution import Solution
 from hbnlp.solutions.solution_set import SearchState, SolutionSet, set_with_problem
-from hbnlp.solutions.solving import solve
+from hbnlp.solutions.solving import solved
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +142,8 @@ def find_all(
         at = known.parameters
     values = problem.values(at)
     work = _Run(problem, values, method or Search(), rng, known)
-    found = drive("searching", work.steps(), work.result, name="start", callbacks=callbacks)
+    warn_of = problem.system.warn_of
+    found = drive("searching", work.steps(), work.result, name="start", callbacks=callbacks, warn_of=warn_of)
     if not found:
         linear_guess(problem, values)  # where the force is singular at rest, that is said
     return found
@@ -200,7 +201,7 @@ class _Run:
         for solution in self._known:
             self._motions.polish(solution, "known")
         with contextlib.suppress(ConvergenceError, NonFiniteError):
-            self._motions.add(solve(self._problem, at=self._problem.system.parameters.as_dict(self._values)))
+            self._motions.add(solved(self._problem, at=self._problem.system.parameters.as_dict(self._values)))
         return self._motions.largest
 
     def _around(self) -> None:

@@ -72,6 +72,21 @@ def solve(
     NonFiniteError
         If there is no start, and the force or its derivative is not finite at rest.
     """
+    solution = solved(problem, at=at, start=start, method=method, throw=throw)
+    if solution.converged:
+        problem.system.warn_of(solution)
+    return solution
+
+
+def solved(
+    problem: HarmonicBalance,
+    *,
+    at: Mapping[str, float] | None = None,
+    start: Solution | ArrayLike | None = None,
+    method: Method | None = None,
+    throw: bool = True,
+) -> Solution:
+    """Return a solution as `solve` does, for a run that warns of its motions once, at its end."""
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     values = problem.values(at)
     problem.system.state_matrices(values)  # a singular mass matrix is said here

@@ -21,7 +21,7 @@ from hbnlp.solutions.attempt import attempt
 from hbnlp.solutions.columns import not_met
 from hbnlp.solutions.equations import Equations, along_load
 from hbnlp.solutions.solution import Solution
-from hbnlp.solutions.solving import solve
+from hbnlp.solutions.solving import solved
 from hbnlp.sweeps.jumps import UNKNOWN, is_suspicious, relative_change
 from hbnlp.sweeps.records import Sweep
 
@@ -86,7 +86,8 @@ class NewtonMarch:
 
     def run(self, callbacks: Callbacks = ()) -> Sweep:
         """March through all values, or until Ctrl-C or a callback ends it."""
-        return drive(f"marching {self._name}", self._steps(), self._sweep, name=self._name, callbacks=callbacks)
+        task, name, warn_of = f"marching {self._name}", self._name, self._problem.system.warn_of
+        return drive(task, self._steps(), self._sweep, name=name, callbacks=callbacks, warn_of=warn_of)
 
     def _steps(self) -> Iterator[Report]:
         for value in self._marched:
@@ -102,7 +103,7 @@ class NewtonMarch:
         if fresh:
             try:
                 at = self._problem.system.parameters.as_dict(self._parameters(value))
-                new = solve(self._problem, at=at, method=self._method)
+                new = solved(self._problem, at=at, method=self._method)
             except ConvergenceError:
                 new = None
             except NonFiniteError:  # at rest: nothing to start from but the last solution, which leads nowhere

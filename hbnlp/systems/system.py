@@ -349,6 +349,9 @@ class System:
 
     # -- copies and other processes ---------------------------------------------------------------------------------
 
+    def warn_of(self, record: Any) -> None:
+        """Warn, at the end of a run, of motions that the system is no model for; equations alone tell of none."""
+
     def __reduce__(self) -> tuple[Callable[[bytes], System], tuple[bytes]]:
         """Send the definition; a process that gets the same one again returns the system that it has built from it."""
         return _received, (self._definition.content,)

@@ -30,7 +30,7 @@ from hbnlp.systems.expressions import Output
 from hbnlp.systems.parameters import ParameterSet
 from hbnlp.systems.system import System
 from hbnlp.wing.membrane import Membrane
-from hbnlp.wing.validity import DEGREES, Validity, ValidityLimits, Watch, validity
+from hbnlp.wing.validity import DEGREES, Validity, ValidityLimits, validity
 
 Motion = Callable[[Any, Any], Any]
 
@@ -48,62 +48,62 @@ class MembraneWing(System):
         With the values that it was made with; those of the parameters may be others.
     rom : AeroROM
         Of as many modes as the membrane.
+    limits : ValidityLimits
+        Beyond them its motions are not to be believed, of which every run warns once.
     """
 
-    def __init__(self, membrane: Membrane, rom: AeroROM, *matrices: Any, **terms: Any) -> None:
+    def __init__(self, membrane: Membrane, rom: AeroROM, limits: ValidityLimits, *matrices: Any, **terms: Any) -> None:
         super().__init__(*matrices, **terms)
-        self.membrane, self.rom = membrane, rom
+        self.membrane, self.rom, self.limits = membrane, rom, limits
 
     def validity(self, record: Any, *, limits: ValidityLimits | None = None) -> Validity:
-        """Return what speaks against believing a solution, or each point of a branch or sweep.
+        """Return what speaks against believing a solution, or each point of a branch, a sweep or a diagram.
 
         Parameters
         ----------
-        record : Solution, Branch, Sweep or another record with ``solution(i)``
-            Of this wing.
+        record : Solution, Branch, Sweep or another record with ``solution(i)``, or Diagram
+            Of this wing. The points of a diagram's branches stand one branch after another.
         limits : ValidityLimits, optional
+            The wing's own by default.
 
         Raises
         ------
         TypeError, ValueError
             If the record is something else, or of another system.
         """
-        return validity(self.membrane, self.rom, record, limits)
-
-    def watch(self, *, limits: ValidityLimits | None = None) -> Watch:
-        """Return a callback that warns once, at the end of a run, of all that is beyond the limits.
-
-        ``hbnlp.trace(problem, "omega", span, callbacks=[wing.watch()])``
-        """
         instance_of("limits", limits, ValidityLimits | None, "hbnlp.ValidityLimits(camber=0.1)")
-        return Watch(membrane=self.membrane, rom=self.rom, limits=limits or ValidityLimits())
+        return validity(self.membrane, self.rom, record, limits or self.limits)
+
+    def warn_of(self, record: Any) -> None:
+        """Give one ValidityWarning if any point of a record is beyond the limits."""
+        self.validity(record).warn()
 
     def __reduce__(self) -> tuple[Callable[..., MembraneWing], tuple[Any, ...]]:
-        """Send the definition, the membrane and the ROM; the same one again is the wing that was built."""
-        return _received, (self._definition.content, self.membrane, self.rom)
+        """Send the definition and what the wing is made of; the same one again is the wing that was built."""
+        return _received, (self._definition.content, self.membrane, self.rom, self.limits)
 
     def __copy__(self) -> MembraneWing:
         """Return another wing of the same equations, with symbols of its own."""
-        return _of(self._definition, self.membrane, self.rom)
+        return _of(self._definition, self.membrane, self.rom, self.limits)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MembraneWing:
         """Return another wing of the same equations, which shares nothing that changes with this one."""
-        return _of(Definition.of(self._definition.content), self.membrane, self.rom)
+        return _of(Definition.of(self._definition.content), self.membrane, self.rom, self.limits)
 
 
 _RECEIVED: Kept[MembraneWing] = Kept(8)
 
 
-def _received(content: bytes, membrane: Membrane, rom: AeroROM) -> MembraneWing:
+def _received(content: bytes, membrane: Membrane, rom: AeroROM, limits: ValidityLimits) -> MembraneWing:
     """Return the wing of a definition that came from elsewhere, built once."""
-    key = hashlib.sha256(content).digest(), membrane, rom
-    return _RECEIVED.get(key, lambda: _of(Definition.of(content), membrane, rom))
+    key = hashlib.sha256(content).digest(), membrane, rom, limits
+    return _RECEIVED.get(key, lambda: _of(Definition.of(content), membrane, rom, limits))
 
 
-def _of(definition: Definition, membrane: Membrane, rom: AeroROM) -> MembraneWing:
+def _of(definition: Definition, membrane: Membrane, rom: AeroROM, limits: ValidityLimits) -> MembraneWing:
     wing = object.__new__(MembraneWing)
     wing._set_up(definition)
-    wing.membrane, wing.rom = membrane, rom
+    wing.membrane, wing.rom, wing.limits = membrane, rom, limits
     return wing
 
 
@@ -115,6 +115,7 @@ def membrane_wing(
     pitch_axis: float = 0.0,
     motion: Motion | None = None,
     parameters: Mapping[str, float] | None = None,
+    limits: ValidityLimits | None = None,
 ) -> MembraneWing:
     """Return the membrane wing in prescribed pitch and heave, coupled with its linear aerodynamics.
 
@@ -143,6 +144,8 @@ def membrane_wing(
         (chords, up). Its own parameters are given by ``parameters``.
     parameters : mapping of names to values, optional
         Values that override those above; with ``motion``, also its own parameters.
+    limits : ValidityLimits, optional
+        Up to where its motions are to be believed. A run that goes beyond them gives one ValidityWarning at its end.
 
     Returns
     -------
@@ -186,6 +189,7 @@ heave_amplitude=0, heave_phase=0, omega=?
     real_number("pitch_axis", pitch_axis, advice=", in chords from the leading edge")
     instance_of("motion", motion, Callable | None, "a function (tau, p) -> (alpha, heave), or None")
     instance_of("parameters", parameters, Mapping | None, "a mapping of names to values, or None")
+    instance_of("limits", limits, ValidityLimits | None, "hbnlp.ValidityLimits(camber=0.1)")
     for name, least in LEAST.items():
         if parameters is not None and name in parameters:
             real_number(f"parameters[{name!r}]", parameters[name], least=least)
@@ -217,6 +221,7 @@ heave_amplitude=0, heave_phase=0, omega=?
     return MembraneWing(
         membrane,
         rom,
+        limits or ValidityLimits(),
         lambda p: membrane.mass_matrix(p) - ca.DM(rom.mass[1:, 2:]),
         -rom.damping[1:, 2:],
         lambda p: membrane.stiffness_matrix(p) - ca.DM(rom.stiffness[1:, 2:]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from types import SimpleNamespace
 from typing import Any, Protocol
@@ -10,11 +11,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from hbnlp.aero import AeroROM
-from hbnlp.core.callbacks import Progress
-from hbnlp.core.checks import counted, instance_of, real_number, refused
+from hbnlp.core.checks import counted, real_number, refused
 from hbnlp.core.errors import ValidityWarning
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, BoolArray, ComplexArray
+from hbnlp.core.warned import users_level
 from hbnlp.fourier import basis_values, to_real
 from hbnlp.wing.membrane import Membrane
 from hbnlp.wing.strain import ExactArc
@@ -99,10 +100,11 @@ class Validity(ReadOnlyArrays):
             reasons.append(f"an incidence of {most} looks like degrees: give numpy.radians(...)")
         return tuple(reasons)
 
-    def warn(self, *, stacklevel: int = 2) -> None:
+    def warn(self) -> None:
         """Give one ValidityWarning with all reasons; none where there is no reason."""
         if self.reasons:
-            warnings.warn("beyond the model: " + "; ".join(self.reasons), ValidityWarning, stacklevel=stacklevel)
+            said = f"beyond the model: {'; '.join(self.reasons)}; see wing.validity(...), and limits= of membrane_wing"
+            warnings.warn(said, ValidityWarning, stacklevel=users_level())
 
     def _measures(self) -> list[tuple[str, Array, float]]:
         return [(each.name, getattr(self, each.name), getattr(self.limits, each.name)) for each in fields(self.limits)]
@@ -112,25 +114,6 @@ class Validity(ReadOnlyArrays):
         return (
             f"Validity of {counted(len(self), 'point')}, {np.count_nonzero(self.within)} within all limits\n  {state}"
         )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Watch:
-    """A callback of one warning a run: at the end of it, that says what is beyond the limits."""
-
-    membrane: Membrane
-    rom: AeroROM
-    limits: ValidityLimits
-
-    def __call__(self, progress: Progress) -> None:
-        """Judge the result once it is there."""
-        if progress.done:
-            result = progress.result()
-            records = getattr(result, "branches", [result])
-            parts = [validity(self.membrane, self.rom, each, self.limits) for each in records]
-            columns = {name: [np.zeros(0), *(getattr(part, name) for part in parts)] for name in _WORDS}
-            joined = {name: np.concatenate(each) for name, each in columns.items()}
-            Validity(**joined, limits=self.limits).warn(stacklevel=3)
 
 
 _WORDS = {
@@ -160,15 +143,16 @@ class Motion(Protocol):
         """Return the harmonics (H+1,) of an output."""
 
 
-def validity(membrane: Membrane, rom: AeroROM, record: Any, limits: ValidityLimits | None = None) -> Validity:
+def validity(membrane: Membrane, rom: AeroROM, record: Any, limits: ValidityLimits) -> Validity:
     """Return what speaks against believing a solution, or each point of a branch or sweep, of a wing of these two.
 
     Parameters
     ----------
     membrane : Membrane
     rom : AeroROM
-    record : Solution, Branch, Sweep or any record with ``solution(i)``
-    limits : ValidityLimits, optional
+    record : Solution or a sequence of them, Branch, Sweep or any record with ``solution(i)``, or Diagram
+        The points of a diagram's branches stand one branch after another.
+    limits : ValidityLimits
 
     Raises
     ------
@@ -177,24 +161,31 @@ def validity(membrane: Membrane, rom: AeroROM, record: Any, limits: ValidityLimi
     ValueError
         If it is of another system.
     """
-    instance_of("limits", limits, ValidityLimits | None, "hbnlp.ValidityLimits(camber=0.1)")
-    one = [record] if hasattr(record, "coefficients") and hasattr(record, "harmonics") else []
-    motions = [record.solution(i) for i in range(len(record))] if hasattr(record, "solution") else one
-    if not motions and not hasattr(record, "solution"):
-        raise refused(TypeError, "record", record, "a Solution, a Branch or a Sweep of the wing")
+    if hasattr(record, "branches"):
+        parts = [validity(membrane, rom, branch, limits) for branch in record.branches]
+        columns = {name: [np.zeros(0), *(getattr(part, name) for part in parts)] for name in _WORDS}
+        return Validity(**{name: np.concatenate(each) for name, each in columns.items()}, limits=limits)
+    if hasattr(record, "solution"):
+        motions = [record.solution(i) for i in range(len(record))]
+    elif hasattr(record, "coefficients") and hasattr(record, "harmonics"):
+        motions = [record]
+    elif isinstance(record, Sequence) and not isinstance(record, str):
+        motions = list(record)
+    else:
+        raise refused(TypeError, "record", record, "a Solution, Branch, Sweep or Diagram of the wing")
     for motion in motions[:1]:
         if motion.coefficients.shape[0] != membrane.n_modes or "alpha" not in motion.output_names:
             raise ValueError(
                 f"the record is of another system than a wing of {membrane.n_modes} modes; give one of this"
             )
-    columns = np.array([_measured(membrane, rom, motion) for motion in motions]).reshape(-1, 4)
-    camber, tension_error, beyond_band, incidence = columns.T
+    measures = np.array([_measured(membrane, rom, motion) for motion in motions]).reshape(-1, 4)
+    camber, tension_error, beyond_band, incidence = measures.T
     return Validity(
         camber=camber,
         tension_error=tension_error,
         beyond_band=beyond_band,
         incidence=incidence,
-        limits=limits or ValidityLimits(),
+        limits=limits,
     )
 
 
@@ -205,11 +196,19 @@ def _measured(membrane: Membrane, rom: AeroROM, motion: Motion) -> tuple[float, 
     shapes = motion.coefficients @ basis.T
     incidence = basis @ to_real(motion.harmonics("alpha"))
     return (
-        float(membrane.camber(shapes).max()),
+        _camber(membrane, shapes),
         _tension_error(membrane, motion, shapes),
         _beyond_band(rom, motion),
         float(np.abs(incidence - rom.provenance.incidence).max()),
     )
+
+
+def _camber(membrane: Membrane, shapes: Array) -> float:
+    """Return the largest camber of shapes (N, n_times)."""
+    nodes = np.linspace(0.0, 1.0, 16 * membrane.n_modes + 1)
+    heights = np.abs(membrane.displacement(shapes, nodes)).max(axis=0)
+    # between these nodes a shape is at most half a percent higher, see `Membrane.camber`: the others are lower
+    return float(membrane.camber(shapes[:, heights >= 0.99 * heights.max()]).max())
 
 
 def _tension_error(membrane: Membrane, motion: Motion, shapes: Array) -> float:

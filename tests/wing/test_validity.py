@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import pickle
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -143,23 +144,46 @@ def test_a_branch_is_judged_point_by_point_and_shaded(branch):
         branch.plot("C_L", validity=wing.validity(branch.solution(0)))
 
 
-def test_a_watched_run_warns_once(branch):
-    wing, span = branch.problem.system, (0.5, 0.6)
-    at = {"pitch_amplitude": 0.03, "prestrain": 0.008}
-    with pytest.warns(hbnlp.ValidityWarning, match="camber up to") as seen:
-        hbnlp.trace(
-            branch.problem, "omega", span, at=at, callbacks=[wing.watch(limits=hbnlp.ValidityLimits(camber=1e-9))]
-        )
-    assert len(seen) == 1
-    with pytest.warns(hbnlp.ValidityWarning, match="camber up to") as seen:
-        hbnlp.explore(
-            branch.problem, "omega", span, at=at, callbacks=[wing.watch(limits=hbnlp.ValidityLimits(camber=1e-9))]
-        )
-    assert len(seen) == 1
-    generous = hbnlp.ValidityLimits(camber=1e3, tension_error=1e3, incidence=1e3)
+def limited(**limits):
+    membrane = hbnlp.QuasiLinearMembrane(prestrain=0.008, n_modes=3)
+    wing = hbnlp.membrane_wing(membrane, hbnlp.aero.thin_airfoil(3), limits=hbnlp.ValidityLimits(**limits))
+    return hbnlp.HarmonicBalance(wing, n_harmonics=3)
+
+
+RUNS = {
+    "solve": lambda problem, at: hbnlp.solve(problem, at={"omega": 0.5, **at}),
+    "trace": lambda problem, at: hbnlp.trace(problem, "omega", (0.5, 0.6), at=at),
+    "sweep": lambda problem, at: hbnlp.sweep(problem, "omega", [0.5, 0.55], at=at),
+    "explore": lambda problem, at: hbnlp.explore(problem, "omega", (0.5, 0.6), at=at),
+    "find_all": lambda problem, at: hbnlp.find_all(
+        problem, at={"omega": 0.5, **at}, method=hbnlp.Search(n_starts=1), rng=np.random.default_rng(0)
+    ),
+}
+
+
+@pytest.mark.filterwarnings("default::hbnlp.ValidityWarning")
+@pytest.mark.parametrize("run", RUNS)
+def test_each_run_warns_once_of_motions_beyond_the_limits(run):
+    at = {"pitch_amplitude": 0.03}
+    with pytest.warns(hbnlp.ValidityWarning, match="camber up to .* see wing.validity") as seen:
+        RUNS[run](limited(camber=1e-9), at)
+    assert [Path(each.filename).name for each in seen] == ["test_validity.py"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        hbnlp.trace(branch.problem, "omega", span, at=at, callbacks=[wing.watch(limits=generous)])
+        RUNS[run](limited(camber=1e3, tension_error=1e3, incidence=1e3), at)
+
+
+def test_an_amplitude_in_degrees_is_told_of_where_it_is_given():
+    with pytest.warns(hbnlp.ValidityWarning, match=r"2.5 rad looks like degrees: give numpy.radians"):
+        hbnlp.solve(limited(), at={"omega": 0.5, "pitch_amplitude": 2.5})
+
+
+def test_a_warning_that_is_an_error_keeps_the_branch():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(hbnlp.TaskError, match="camber") as raised:
+            RUNS["trace"](limited(camber=1e-9), {"pitch_amplitude": 0.03})
+    assert raised.value.result.parameter[-1] == 0.6
 
 
 def test_a_wing_that_was_sent_or_copied_still_knows_what_it_is_made_of(branch):
@@ -179,5 +203,5 @@ def test_records_of_other_systems_and_other_things_are_refused():
     with pytest.raises(ValueError, match="another system than a wing of 3 modes"):
         wing.validity(hbnlp.solve(duffing, at={"omega": 0.5}))
     for wrong in (1.0, None, "branch", wing):
-        with pytest.raises(TypeError, match="a Solution, a Branch or a Sweep of the wing"):
+        with pytest.raises(TypeError, match="a Solution, Branch, Sweep or Diagram of the wing"):
             wing.validity(wrong)
