@@ -123,10 +123,13 @@ def _counted(a: FloquetResult, b: FloquetResult) -> _Counted:
     change = abs(counts[0] - counts[1])
     doubling, through_one = ((_beyond(before, at, margin) - _beyond(after, at, margin)) % 2 for at in (-1.0, 1.0))
     pairs = max((change - doubling - through_one) // 2, 0)
-    one, other = (samples_at(each, 0.0)[-1] for each in (before, after))
-    changes = one is not None and other is not None and one.sign != other.sign
-    hidden = bool(doubling or through_one) and pairs == 0 and changes
+    hidden = bool(doubling or through_one) and pairs == 0 and _product_changes_sign(before, after)
     return _Counted(min(counts), change, doubling, pairs, int(hidden))
+
+
+def _product_changes_sign(before: ComplexArray, after: ComplexArray) -> bool:
+    one, other = (samples_at(each, 0.0)[-1] for each in (before, after))
+    return one is not None and other is not None and one.sign != other.sign
 
 
 def _beyond(multipliers: ComplexArray, bound: float, margin: float) -> int:
