@@ -24,7 +24,8 @@ class Stretch:
     low, high : float
         The values of the parameter that it reaches, up to the special points that bound it.
     at_low, at_high : SpecialPoint or None
-        These; None at an end of the branch.
+        These; None at an end of the branch, and where stability changes at none: motions of a fixed number of harmonics,
+        too few, may do so away from the folds of their equations.
     stable : bool
     modulated : bool
         Whether it lost its stability at a Neimark-Sacker point: what is seen there is a modulated motion.
@@ -49,7 +50,7 @@ class Interval:
     ----------
     low, high : float
     at_low, at_high : SpecialPoint or None
-        What bounds it; None at an end of a branch.
+        What bounds it; None where a stretch has none.
     stretches : tuple of Stretch
         The stable stretches that it holds a part of.
     modulated : tuple of Stretch
@@ -65,7 +66,7 @@ class Interval:
 
     def __repr__(self) -> str:
         bounds = ((self.low, self.at_low), (self.high, self.at_high))
-        ends = [f"{value:.8g} ({'end' if at is None else at.kind.value})" for value, at in bounds]
+        ends = [f"{value:.8g} ({'no special point' if at is None else at.kind.value})" for value, at in bounds]
         branches = ", ".join(str(number) for number in sorted({stretch.branch for stretch in self.stretches}))
         return f"Interval from {ends[0]} to {ends[1]}: stable motions of the branches {branches}"
 
