@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.core.checks import counted, flag, real_number, refused, whole_number
+from hbnlp.core.checks import counted, flag, place, real_number, refused, whole_number
 from hbnlp.core.kinds import Kind
 from hbnlp.diagrams.meeting import image_of, least_size
 from hbnlp.diagrams.stretches import Stretch
@@ -104,7 +104,9 @@ class March:
         return f"March {self.way} in {self.name}: {counts}{''.join(legs)}"
 
 
-def march(diagram: Diagram, way: str, *, begin: float | None, integrated: bool, max_periods: int) -> March:
+def march(
+    diagram: Diagram, way: str, *, begin: float | None, branch: int | None, integrated: bool, max_periods: int
+) -> March:
     """Return where a slow march through a diagram goes; see `Diagram.march`."""
     if not isinstance(way, str) or way not in ("up", "down"):
         raise refused(ValueError, "way", way, "'up' or 'down'")
@@ -112,7 +114,9 @@ def march(diagram: Diagram, way: str, *, begin: float | None, integrated: bool, 
     whole_number("max_periods", max_periods, least=1)
     if begin is not None:
         begin = real_number("begin", begin)
-    return _Marcher(diagram, 1.0 if way == "up" else -1.0, integrated, max_periods).march(way, begin)
+    if branch is not None:
+        branch = place("branch", branch, len(diagram))
+    return _Marcher(diagram, 1.0 if way == "up" else -1.0, integrated, max_periods).march(way, begin, branch)
 
 
 class _Marcher:
@@ -124,11 +128,11 @@ class _Marcher:
         self._all = diagram.stretches()
         self._stable = [stretch for stretch in self._all if stretch.stable and stretch.high > stretch.low]
 
-    def march(self, way: str, begin: float | None) -> March:
+    def march(self, way: str, begin: float | None, branch: int | None) -> March:
         name = self._diagram.name
         if not self._stable:
             raise ValueError(f"the diagram has no stable motion to march along in {name}")
-        stretch = self._first(begin)
+        stretch = self._first(begin, branch)
         enters = self._ends(stretch)[0] if begin is None else begin
         legs: list[Leg] = []
         while len(legs) < MOST_LEGS:
@@ -141,10 +145,13 @@ class _Marcher:
             stretch = following
         return March(name=name, way=way, legs=tuple(legs))
 
-    def _first(self, begin: float | None) -> Stretch:
+    def _first(self, begin: float | None, branch: int | None) -> Stretch:
+        stable = [each for each in self._stable if branch is None or each.branch == branch]
+        if not stable:
+            raise refused(ValueError, "branch", branch, "the number of one with stable motions")
         if begin is None:
-            return min(self._stable, key=lambda each: self._sign * self._ends(each)[0])
-        there = [each for each in self._stable if each.low <= begin <= each.high]
+            return min(stable, key=lambda each: self._sign * self._ends(each)[0])
+        there = [each for each in stable if each.low <= begin <= each.high]
         if not there:
             raise refused(ValueError, "begin", begin, f"a value of {self._diagram.name} with a stable motion")
         return there[0]
