@@ -96,6 +96,17 @@ def test_without_integration_a_march_falls_where_one_motion_alone_is_stable(diag
     assert diagram.march("up", integrated=False).legs[0].next is Next.FALL
 
 
+def test_a_march_goes_along_modulated_motions_from_one_neimark_sacker_point_to_the_other():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.tuned_absorber(force=0.4), 7)
+    diagram = hbnlp.explore(problem, "omega", (0.5, 3.0), depth=0)
+    low, high = sorted(values(diagram, hbnlp.Kind.NEIMARK_SACKER))
+    for integrated in (True, False):
+        first, second = diagram.march("down", integrated=integrated).legs
+        assert (first.next, first.leaves, second.enters) == (Next.MODULATED, high, low)
+        assert first.falls_at is None
+        assert second.falls_at == second.leaves
+
+
 def test_a_march_begins_on_the_branch_that_is_named(diagram):
     begin = 0.5 * sum(PITCHFORKS)
     assert diagram.march("up", begin=begin, branch=1, integrated=False).legs[0].stretch.branch == 1
