@@ -264,10 +264,11 @@ class _Explorer:
 
     def _both_ways(self, origin: Origin, start: Solution) -> Iterator[Report]:
         """Trace the branch of a motion to both sides; one that begins at an end of the span, or closes, has one."""
-        errand = dataclasses.replace(self._pattern, start=start)
+        value, (_, end) = start.parameters[self._pattern.name], self._pattern.span
+        errand = dataclasses.replace(self._pattern, start=start, direction=-1 if value == end else 1)
         branch = yield from self._branch(origin, errand)
         self._take(origin, branch)
-        inside = start.parameters[errand.name] not in errand.span
+        inside = value not in errand.span
         if inside and not branch.closed:
             back = dataclasses.replace(origin, backward=True)
             branch = yield from self._branch(back, dataclasses.replace(errand, direction=-1))

@@ -169,6 +169,19 @@ def test_an_isola_through_a_known_motion_is_traced_once():
         hbnlp.explore(problem, "omega", (0.5, 1.0), stability=None, known=motions)
 
 
+def test_a_branch_from_the_end_of_the_span_ends_where_it_turns_into_its_own_image(strong, diagram):
+    (motion,) = diagram.branches[1].at(0.86)
+    other = hbnlp.explore(strong, "omega", (0.3, 0.86), depth=0, known=[motion])
+    assert len(other) == 2
+    branch = other.branches[1]
+    assert (branch.parameter[0], branch.end) == (0.86, hbnlp.End.MET)
+    assert branch.special_points[-1].value == pytest.approx(PITCHFORKS[0], rel=1e-6)
+    assert other.junctions[0].branches == (0, 1)
+    (stretch,) = (each for each in other.stretches() if each.branch == 1)
+    assert (stretch.low, stretch.high) == pytest.approx((PITCHFORKS[0], 0.86))
+    assert all(interval.high < PITCHFORKS[0] for interval in other.intervals())  # its images are no other motions
+
+
 def test_what_crosses_unstable_parts_is_passed_over_where_only_what_is_beside_stable_motions_is_asked_for():
     problem = hbnlp.HarmonicBalance(hbnlp.systems.chain(5), 5)
     diagram = hbnlp.explore(problem, "omega", (2.5, 0.2), beside_stable=True, max_points=2)
