@@ -268,7 +268,9 @@ def examples():
         "Branch.of_kind": {"self": w.branch, "kind": "fold"},
         "Diagram.at": {"self": w.diagram, "value": 1.2},
         "Diagram.load": {"path": "no such file", "problem": None},
-        "Diagram.march": {"self": w.diagram, "way": "up", "begin": 0.9, "integrated": False, "max_periods": 2000},
+        "Diagram.march": {
+            "self": w.diagram, "way": "up", "begin": 0.9, "branch": 0, "integrated": False, "max_periods": 2000,
+        },
         "Diagram.plot": {"self": w.diagram, "output": "x", "ax": None, "harmonic": 1},
         "Diagram.save": {"self": w.diagram, "path": "no such folder/file"},
         "Diagram.to_netcdf": {"self": w.diagram, "path": "no such folder/file"},
@@ -349,7 +351,7 @@ def examples():
         "explore": {
             "problem": w.problem, "name": "omega", "span": (0.7, 0.71), "at": {"force": 0.18},
             "start": w.sweep.solution(0), "depth": 0, "max_points": 20, "search_at": None,
-            "search": hbnlp.Search(n_starts=0, largest_load=0.0),
+            "search": hbnlp.Search(n_starts=0, largest_load=0.0), "known": (), "beside_stable": False,
             "stability": None, "method": None, "events": None, "executor": None, "callbacks": (), "resume": None,
         },
         "find_all": {

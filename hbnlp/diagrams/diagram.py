@@ -44,9 +44,9 @@ class Origin:
     junction : int or None
         The number of the junction that it was switched at.
     side : int
-        Which of the starts there, or of the motions that a search found.
+        Which of the starts there, or of the motions that were known and then found by a search.
     value : float or None
-        The parameter at which a search found it.
+        The parameter at which a search found it, or at which it was known.
     backward : bool
         Whether it is the part on the other side of the start.
     """
@@ -209,7 +209,15 @@ class Diagram(Tabular):
         return tuple(intervals_of(self.stretches()))
 
     @interrupts_kept()
-    def march(self, way: str, *, begin: float | None = None, integrated: bool = True, max_periods: int = 2000) -> March:
+    def march(
+        self,
+        way: str,
+        *,
+        begin: float | None = None,
+        branch: int | None = None,
+        integrated: bool = True,
+        max_periods: int = 2000,
+    ) -> March:
         """Return where a slow march in the parameter goes.
 
         Parameters
@@ -217,6 +225,8 @@ class Diagram(Tabular):
         way : "up" or "down"
         begin : float, optional
             Where it begins; by default on the stable motion that reaches farthest back.
+        branch : int, optional
+            The number of the branch that it begins on, where several have a stable motion there; by default the first.
         integrated : bool
             Whether integration in time from the end of a stretch tells where the march falls to. Without, it does so
             where there is one stable motion alone, and lists them where there are several.
@@ -227,9 +237,9 @@ class Diagram(Tabular):
         ------
         ValueError
             If the diagram was made without stability, came from a file without its problem, or has no stable motion
-            there.
+            or no such branch there.
         """
-        return march(self, way, begin=begin, integrated=integrated, max_periods=max_periods)
+        return march(self, way, begin=begin, branch=branch, integrated=integrated, max_periods=max_periods)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the diagram to one ``.npz`` file without pickle, whole or not at all.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import deque
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
+from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracer import DEFAULT_STABILITY, Tracer
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import counted, instance_of, list_of_callables, refused, whole_number
+from hbnlp.core.checks import counted, flag, instance_of, list_of, list_of_callables, refused, whole_number
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End
@@ -62,6 +63,8 @@ def explore(
     max_points: int = 20_000,
     search_at: ArrayLike | None = None,
     search: Search | None = None,
+    known: Sequence[Solution] = (),
+    beside_stable: bool = False,
     stability: Floquet | None = DEFAULT_STABILITY,
     method: PseudoArclength | None = None,
     events: Mapping[str, EventFunction] | None = None,
@@ -81,7 +84,8 @@ def explore(
     at : mapping, optional
         Values of the other parameters.
     start : Solution or array (n_dof, 2H+1), optional
-        Where to begin within the span, by default a cold start at ``span[0]``.
+        Where to begin within the span, by default a cold start at ``span[0]``. Cold starts at the ends of the span
+        follow: a resonance that leaves the span comes back into it as another branch.
     depth : int
         How many times to switch at a branch point or period doubling on the way to a branch; 0: one branch alone.
     max_points : int
@@ -90,6 +94,12 @@ def explore(
         Values of the parameter at which all solutions are searched for: of those on no branch so far the branches are
         traced as well, isolas among them.
     search : Search, optional
+    known : sequence of Solution
+        Motions within the span that are known already, from an integration in time or another problem: of those on no
+        branch so far the branches are traced as well, before any search.
+    beside_stable : bool
+        Follow only what crosses where the motion is stable on one side at least: a slow march goes nowhere else, and
+        unstable parts may have many branch points.
     stability : Floquet or None
         As for `hbnlp.trace`.
     method : PseudoArclength, optional
@@ -124,6 +134,10 @@ def explore(
     instance_of("executor", executor, Executor | None, "a concurrent.futures.Executor")
     instance_of("resume", resume, Diagram | None, "a Diagram, from a file Diagram.load(path)")
     list_of_callables("callbacks", callbacks)
+    list_of("known", known, Solution, "a list of solutions, [solution]")
+    flag("beside_stable", beside_stable)
+    if beside_stable and stability is None:
+        raise ValueError("beside_stable needs stability, which is None; give stability=Floquet(), or leave it out")
     looked_for = events_of(events, problem)
     if executor is not None and not isinstance(executor, ThreadPoolExecutor):
         _check_sendable(looked_for)
@@ -135,6 +149,9 @@ def explore(
     low, high = sorted(span)
     if not np.all((low <= values) & (values <= high)):
         raise refused(ValueError, "search_at", search_at, f"values of {name} within the span {span}")
+    for motion in known:
+        if not low <= motion.parameters[name] <= high:
+            raise refused(ValueError, "known", motion, f"solutions with {name} within the span {span}")
     parameters.values(at, but=parameters.names)  # what is wrong with them is said here
     first = _first(problem, name, span, at, start)
     explorer = _Explorer(
@@ -151,9 +168,11 @@ def explore(
         depth=depth,
         max_points=max_points,
         executor=executor,
-        known=resume,
+        beside_stable=beside_stable,
+        before=resume,
     )
-    work = explorer.work(first, values, search or Search())
+    others = [solved(problem, at={**first.parameters, name: each.parameters[name]}, start=each) for each in known]
+    work = explorer.work(first, others, values, search or Search())
     warn_of = problem.system.warn_of
     return drive(f"exploring {name}", work, explorer.diagram, name=name, callbacks=callbacks, warn_of=warn_of)
 
@@ -193,11 +212,12 @@ class _Explorer:
         depth: int,
         max_points: int,
         executor: Executor | None,
-        known: Diagram | None,
+        beside_stable: bool,
+        before: Diagram | None,
     ) -> None:
         self._problem, self._pattern, self._depth, self._most = problem, pattern, depth, max_points
-        self._executor = executor
-        self._made = {} if known is None else dict(zip(known.origins, known.branches, strict=True))
+        self._executor, self._beside_stable = executor, beside_stable
+        self._made = {} if before is None else dict(zip(before.origins, before.branches, strict=True))
         self._branches: list[Branch] = []
         self._origins: list[Origin] = []
         self._junctions: list[Junction] = []
@@ -226,24 +246,43 @@ class _Explorer:
 
     # -- the work -----------------------------------------------------------------------------------------------------
 
-    def work(self, first: Solution, values: Array, search: Search) -> Iterator[Report]:
+    def work(self, first: Solution, known: Sequence[Solution], values: Array, search: Search) -> Iterator[Report]:
         """Trace branch after branch, and report after each point."""
         yield from self._both_ways(Origin(), first)
         yield from self._crossing(0)
+        known = [*self._at_ends(first), *known]
+        for number, motion in enumerate(known):
+            yield from self._beside(number, motion)
         for value in values:
             at = {**first.parameters, self._pattern.name: float(value)}
-            for number, motion in enumerate(find_all(self._problem, at=at, method=search)):
-                begin = len(self._branches)
-                if branch_through(motion, self._branches, FOUND) is None:
-                    yield from self._both_ways(Origin(value=float(value), side=number), motion)
-                    yield from self._crossing(begin)
+            for number, motion in enumerate(find_all(self._problem, at=at, method=search), len(known)):
+                yield from self._beside(number, motion)
+
+    def _at_ends(self, first: Solution) -> list[Solution]:
+        """Return motions of cold starts at the ends of the span: beyond it they may be joined with the first."""
+        name, motions = self._pattern.name, []
+        for value in self._pattern.span:
+            if value != first.parameters[name]:
+                try:
+                    motions.append(solved(self._problem, at={**first.parameters, name: value}))
+                except (ConvergenceError, ArithmeticError) as error:
+                    self._left.append(f"a cold start at {name} = {value:g}: {error}")
+        return motions
+
+    def _beside(self, number: int, motion: Solution) -> Iterator[Report]:
+        """Trace the branch of a motion that is on none so far, and what crosses it."""
+        begin = len(self._branches)
+        if branch_through(motion, self._branches, FOUND) is None:
+            yield from self._both_ways(Origin(value=motion.parameters[self._pattern.name], side=number), motion)
+            yield from self._crossing(begin)
 
     def _both_ways(self, origin: Origin, start: Solution) -> Iterator[Report]:
         """Trace the branch of a motion to both sides; one that begins at an end of the span, or closes, has one."""
-        errand = dataclasses.replace(self._pattern, start=start)
+        value, (_, end) = start.parameters[self._pattern.name], self._pattern.span
+        errand = dataclasses.replace(self._pattern, start=start, direction=-1 if value == end else 1)
         branch = yield from self._branch(origin, errand)
         self._take(origin, branch)
-        inside = start.parameters[errand.name] not in errand.span
+        inside = value not in errand.span
         if inside and not branch.closed:
             back = dataclasses.replace(origin, backward=True)
             branch = yield from self._branch(back, dataclasses.replace(errand, direction=-1))
@@ -271,6 +310,8 @@ class _Explorer:
             if not begin <= parent < end:
                 continue
             point = junction.point
+            if self._beside_stable and not _is_beside_stable(point, self._branches[parent]):
+                continue
             try:
                 starts = switch_branch(point)
             except (ConvergenceError, ArithmeticError) as error:
@@ -353,3 +394,9 @@ class _Explorer:
         value = float(at.parameter[-1]) if isinstance(at, Branch) else at.value
         points = sum(map(len, self._branches)) + (0 if isinstance(at, Branch) else n_points)
         return Report(value, min(points / self._most, 1.0), {"branches": len(self._branches), "points": points})
+
+
+def _is_beside_stable(point: SpecialPoint, branch: Branch) -> bool:
+    """Return whether the motions of a branch are stable before or after one of its special points."""
+    assert branch.stable is not None
+    return bool(branch.stable[point.index : point.index + 2].any())

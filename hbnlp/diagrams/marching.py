@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbnlp.branches.special_points import SpecialPoint
-from hbnlp.core.checks import counted, flag, real_number, refused, whole_number
+from hbnlp.core.checks import counted, flag, place, real_number, refused, whole_number
 from hbnlp.core.kinds import Kind
 from hbnlp.diagrams.meeting import image_of, least_size
 from hbnlp.diagrams.stretches import Stretch
@@ -36,6 +36,12 @@ PUSH = 1.01
 """By what the motion at the end is multiplied before it is integrated."""
 LANDED = 0.02
 """A response is, or tends to, a stable motion of the diagram that differs by less, relative to its size."""
+STEP = 0.01
+"""Step of a march along modulated motions, relative to the parameter where they begin."""
+HELD = 100
+"""Periods of the forcing that such a motion is integrated for at each step."""
+REPEATS = 0.01
+"""Relative change of the state over a window below which a response may be a periodic one."""
 MOST_LEGS = 1000
 
 
@@ -46,6 +52,7 @@ class Next(enum.Enum):
     SOFT = "it goes on with the motion that begins there"
     FALL = "it falls to another motion"
     MODULATED = "it becomes modulated, until the motion is stable again"
+    LOST = "it becomes modulated, and falls from there to another motion"
     OPEN = "it falls, and where to is not known"
 
 
@@ -62,6 +69,8 @@ class Leg:
         What comes after.
     candidates : tuple of Stretch
         Where it falls: the stable stretches beside that end.
+    falls_at : float or None
+        Where it falls: there, or farther on from a modulated motion; None if it does not.
     response : TimeResponse or None
         The integration that tells where it lands, if one was made.
     """
@@ -71,6 +80,7 @@ class Leg:
     leaves: float
     next: Next
     candidates: tuple[Stretch, ...] = ()
+    falls_at: float | None = None
     response: TimeResponse | None = field(default=None, repr=False)
 
 
@@ -93,18 +103,21 @@ class March:
     @property
     def falls(self) -> tuple[Leg, ...]:
         """The legs after which it falls, or where that is open."""
-        return tuple(leg for leg in self.legs if leg.next in (Next.FALL, Next.OPEN))
+        return tuple(leg for leg in self.legs if leg.falls_at is not None)
 
     def __repr__(self) -> str:
         counts = f"{counted(len(self.legs), 'leg')}, {counted(len(self.falls), 'fall')}"
         legs = [
             f"\n  branch {leg.stretch.branch}, {leg.enters:.6g} to {leg.leaves:.6g}: {leg.next.value}"
+            + (f", at {leg.falls_at:.6g}" if leg.next is Next.LOST else "")
             for leg in self.legs
         ]
         return f"March {self.way} in {self.name}: {counts}{''.join(legs)}"
 
 
-def march(diagram: Diagram, way: str, *, begin: float | None, integrated: bool, max_periods: int) -> March:
+def march(
+    diagram: Diagram, way: str, *, begin: float | None, branch: int | None, integrated: bool, max_periods: int
+) -> March:
     """Return where a slow march through a diagram goes; see `Diagram.march`."""
     if not isinstance(way, str) or way not in ("up", "down"):
         raise refused(ValueError, "way", way, "'up' or 'down'")
@@ -112,7 +125,9 @@ def march(diagram: Diagram, way: str, *, begin: float | None, integrated: bool, 
     whole_number("max_periods", max_periods, least=1)
     if begin is not None:
         begin = real_number("begin", begin)
-    return _Marcher(diagram, 1.0 if way == "up" else -1.0, integrated, max_periods).march(way, begin)
+    if branch is not None:
+        branch = place("branch", branch, len(diagram))
+    return _Marcher(diagram, 1.0 if way == "up" else -1.0, integrated, max_periods).march(way, begin, branch)
 
 
 class _Marcher:
@@ -123,12 +138,13 @@ class _Marcher:
         self._integrated, self._max_periods = integrated, max_periods
         self._all = diagram.stretches()
         self._stable = [stretch for stretch in self._all if stretch.stable and stretch.high > stretch.low]
+        self._periods = lcm(*(branch.periods for branch in diagram.branches))
 
-    def march(self, way: str, begin: float | None) -> March:
+    def march(self, way: str, begin: float | None, branch: int | None) -> March:
         name = self._diagram.name
         if not self._stable:
             raise ValueError(f"the diagram has no stable motion to march along in {name}")
-        stretch = self._first(begin)
+        stretch = self._first(begin, branch)
         enters = self._ends(stretch)[0] if begin is None else begin
         legs: list[Leg] = []
         while len(legs) < MOST_LEGS:
@@ -136,15 +152,19 @@ class _Marcher:
             legs.append(leg)
             if following is None:
                 break
-            # a march that falls lands beside the end of its stretch, not at the beginning of the other
-            enters = self._ends(following)[0] if leg.next is Next.MODULATED else leg.leaves
+            # a march that falls lands beside where it fell, not at the beginning of the other stretch
+            enters = leg.leaves if leg.falls_at is None else leg.falls_at
+            enters = self._ends(following)[0] if leg.next is Next.MODULATED else enters
             stretch = following
         return March(name=name, way=way, legs=tuple(legs))
 
-    def _first(self, begin: float | None) -> Stretch:
+    def _first(self, begin: float | None, branch: int | None) -> Stretch:
+        stable = [each for each in self._stable if branch is None or each.branch == branch]
+        if not stable:
+            raise refused(ValueError, "branch", branch, "the number of one with stable motions")
         if begin is None:
-            return min(self._stable, key=lambda each: self._sign * self._ends(each)[0])
-        there = [each for each in self._stable if each.low <= begin <= each.high]
+            return min(stable, key=lambda each: self._sign * self._ends(each)[0])
+        there = [each for each in stable if each.low <= begin <= each.high]
         if not there:
             raise refused(ValueError, "begin", begin, f"a value of {self._diagram.name} with a stable motion")
         return there[0]
@@ -164,10 +184,11 @@ class _Marcher:
             return dataclasses.replace(leg, next=Next.SOFT), soft[0]
         again = self._stable_again(stretch) if point.kind is Kind.NEIMARK_SACKER else None
         if again is not None:
-            return dataclasses.replace(leg, next=Next.MODULATED), again
+            leg = dataclasses.replace(leg, next=Next.MODULATED)
+            return self._modulated(leg, point.solution, again) if self._integrated else (leg, again)
         beyond = leaves + self._sign * BEYOND * abs(leaves)
-        candidates = tuple(each for each in self._stable if each is not stretch and each.low <= beyond <= each.high)
-        leg = dataclasses.replace(leg, next=Next.OPEN, candidates=candidates)
+        candidates = self._stable_at(beyond, but=stretch)
+        leg = dataclasses.replace(leg, next=Next.OPEN, candidates=candidates, falls_at=leaves)
         if self._integrated:
             response, landed = self._landing(point.solution, beyond, candidates)
             leg = dataclasses.replace(leg, response=response)
@@ -191,28 +212,61 @@ class _Marcher:
                     return after
         return None
 
+    def _stable_at(self, value: float, *, but: Stretch) -> tuple[Stretch, ...]:
+        return tuple(each for each in self._stable if each is not but and each.low <= value <= each.high)
+
+    def _modulated(self, leg: Leg, motion: Solution, again: Stretch) -> tuple[Leg, Stretch]:
+        """Return a leg that ends in modulated motions, and the stretch that a march along these comes to.
+
+        They are integrated in time, the state carried over from step to step, until the motion is stable again or the
+        response is another stable one.
+        """
+        begin, end = leg.leaves, self._ends(again)[0]
+        step = STEP * abs(begin) or STEP * abs(end)
+        start: Solution | TimeResponse = self._pushed(motion)
+        held = min(HELD, self._max_periods)
+        for value in begin + self._sign * np.arange(step, abs(end - begin), step):
+            start = self._integrate(motion, start, float(value), held)
+            if start.defects[-1] < REPEATS:
+                there = self._stable_at(float(value), but=leg.stretch)
+                landed = self._tended_to(start, float(value), there)
+                if landed is not None:
+                    lost = dataclasses.replace(leg, next=Next.LOST, falls_at=float(value), candidates=there)
+                    return dataclasses.replace(lost, response=start), landed
+        return leg, again
+
     def _landing(
         self, motion: Solution, beyond: float, candidates: Sequence[Stretch]
     ) -> tuple[TimeResponse, Stretch | None]:
         """Return what integration from a motion leads to beyond its end, and the stretch that this is on."""
-        diagram, size = self._diagram, least_size(self._diagram.branches)
-        pushed = PUSH * motion.coefficients
-        if float(np.linalg.norm(pushed)) < size:  # rest stays where it is however it is multiplied
+        response = self._integrate(motion, self._pushed(motion), beyond, self._max_periods)
+        return response, self._tended_to(response, beyond, candidates)
+
+    def _pushed(self, motion: Solution) -> Solution:
+        """Return a motion that is a little larger; rest stays where it is however it is multiplied."""
+        pushed, size = PUSH * motion.coefficients, least_size(self._diagram.branches)
+        if float(np.linalg.norm(pushed)) < size:
             pushed[:, :2] += (PUSH - 1.0) * size
-        there = [each for each in diagram.at(beyond) if each.stable]
-        periods = lcm(motion.periods, *(each.solution.periods for each in there))
-        response = integrate(
+        return dataclasses.replace(motion, coefficients=pushed)
+
+    def _integrate(self, motion: Solution, start: Solution | TimeResponse, value: float, most: int) -> TimeResponse:
+        """Return what integration at a value leads to, over the periods that a motion of any branch takes."""
+        return integrate(
             attached(motion).system,
-            at={**motion.parameters, diagram.name: beyond},
-            start=dataclasses.replace(motion, coefficients=pushed),
-            periods=periods,
-            max_periods=max(self._max_periods, periods),
+            at={**motion.parameters, self._diagram.name: value},
+            start=start,
+            periods=self._periods,
+            max_periods=max(most, self._periods),
             throw=False,
         )
-        for each in there:  # one that still changes is on its way to the stable motion that it has come so near to
-            coefficients = to_real(response.displacement_harmonics(each.solution.n_harmonics * periods))
-            seen = dataclasses.replace(each.solution, coefficients=coefficients, periods=periods)
+
+    def _tended_to(self, response: TimeResponse, value: float, candidates: Sequence[Stretch]) -> Stretch | None:
+        """Return the stretch of the stable motion that a response is, or is so near to that it is on its way there."""
+        size = least_size(self._diagram.branches)
+        for each in (motion for motion in self._diagram.at(value) if motion.stable):
+            coefficients = to_real(response.displacement_harmonics(each.solution.n_harmonics * self._periods))
+            seen = dataclasses.replace(each.solution, coefficients=coefficients, periods=self._periods)
             if image_of(seen, each.solution, LANDED, floor=size) is not None:
-                on = [s for s in candidates if s.branch == each.branch and s.low <= beyond <= s.high]
-                return response, on[0] if on else None
-        return response, None
+                on = [s for s in candidates if s.branch == each.branch and s.low <= value <= s.high]
+                return on[0] if on else None
+        return None

@@ -31,6 +31,12 @@ def is_crossed(point: SpecialPoint) -> bool:
     return point.kind in CROSSED and point.refined
 
 
+def turns_into_image(point: SpecialPoint) -> bool:
+    """Return whether a branch turns back at a special point: a pitchfork beyond which are the images of its motions."""
+    before, after = (value - point.value for value in point.bracket)
+    return is_crossed(point) and before * after > 0.0
+
+
 def image_of(a: Solution, b: Solution, tol: float, *, floor: float = 0.0) -> Symmetry | None:
     """Return a symmetry of the system that takes one motion to another, the identity first; None if there is none."""
     assert a.problem is not None

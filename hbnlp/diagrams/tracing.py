@@ -12,7 +12,7 @@ from hbnlp.branches.tracing import trace
 from hbnlp.continuation.arclength import PseudoArclength
 from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.kinds import End
-from hbnlp.diagrams.meeting import is_crossed, place_of
+from hbnlp.diagrams.meeting import is_crossed, place_of, turns_into_image
 from hbnlp.solutions.attaching import attached
 from hbnlp.solutions.events import EventFunction
 from hbnlp.solutions.solution import Solution
@@ -73,7 +73,10 @@ def steps(errand: Errand) -> Generator[Tracer, None, Branch]:
         for traced in tracer:
             yield tracer
             crossed = [point for point in traced.special_points if is_crossed(point)]
-            if any(place_of(point, errand.known, scale=scale, size=errand.size) is not None for point in crossed):
+            if any(
+                turns_into_image(point) or place_of(point, errand.known, scale=scale, size=errand.size) is not None
+                for point in crossed
+            ):
                 return tracer.branch(End.MET)
     except Exception as error:  # noqa: BLE001 - of one of many branches, which tells it
         return tracer.branch(End.ERROR, f"{type(error).__name__}: {error}")

@@ -96,6 +96,24 @@ def test_without_integration_a_march_falls_where_one_motion_alone_is_stable(diag
     assert diagram.march("up", integrated=False).legs[0].next is Next.FALL
 
 
+def test_a_march_goes_along_modulated_motions_from_one_neimark_sacker_point_to_the_other():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.tuned_absorber(force=0.4), 7)
+    diagram = hbnlp.explore(problem, "omega", (0.5, 3.0), depth=0)
+    low, high = sorted(values(diagram, hbnlp.Kind.NEIMARK_SACKER))
+    for integrated in (True, False):
+        first, second = diagram.march("down", integrated=integrated).legs
+        assert (first.next, first.leaves, second.enters) == (Next.MODULATED, high, low)
+        assert first.falls_at is None
+        assert second.falls_at == second.leaves
+
+
+def test_a_march_begins_on_the_branch_that_is_named(diagram):
+    begin = 0.5 * sum(PITCHFORKS)
+    assert diagram.march("up", begin=begin, branch=1, integrated=False).legs[0].stretch.branch == 1
+    with pytest.raises(ValueError, match=r"branch is 2"):
+        diagram.march("up", branch=2)
+
+
 def test_a_chain_is_explored_whole_or_up_to_a_budget_and_gone_on_with():
     problem = hbnlp.HarmonicBalance(hbnlp.systems.chain(3), tolerance=1e-3)
     whole = hbnlp.explore(problem, "omega", (2.5, 0.2), stability=None)
@@ -137,6 +155,42 @@ def test_an_isola_is_found_by_a_search_at_a_value():
     assert sorted(fold.value for fold in diagram.branches[1].folds) == pytest.approx(
         [1.5658235396, 2.3185469325], abs=1e-8
     )
+
+
+def test_an_isola_through_a_known_motion_is_traced_once():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.tuned_absorber(), 5)
+    isola = hbnlp.explore(problem, "omega", (0.5, 3.0), stability=None, search_at=[1.8]).branches[1]
+    motions = [isola.solution(0), isola.solution(len(isola) // 2)]
+    diagram = hbnlp.explore(problem, "omega", (0.5, 3.0), stability=None, known=motions)
+    assert [branch.end for branch in diagram.branches] == [hbnlp.End.SPAN_END, hbnlp.End.CLOSED]
+    assert diagram.origins[1].value == motions[0].parameters["omega"]
+    assert diagram.branches[1].parameter.max() == pytest.approx(isola.parameter.max(), rel=1e-3)
+    with pytest.raises(ValueError, match=r"known is .* within the span"):
+        hbnlp.explore(problem, "omega", (0.5, 1.0), stability=None, known=motions)
+
+
+def test_a_branch_from_the_end_of_the_span_ends_where_it_turns_into_its_own_image(strong, diagram):
+    (motion,) = diagram.branches[1].at(0.86)
+    other = hbnlp.explore(strong, "omega", (0.3, 0.86), depth=0, known=[motion])
+    assert len(other) == 2
+    branch = other.branches[1]
+    assert (branch.parameter[0], branch.end) == (0.86, hbnlp.End.MET)
+    assert branch.special_points[-1].value == pytest.approx(PITCHFORKS[0], rel=1e-6)
+    assert other.junctions[0].branches == (0, 1)
+    (stretch,) = (each for each in other.stretches() if each.branch == 1)
+    assert (stretch.low, stretch.high) == pytest.approx((PITCHFORKS[0], 0.86))
+    assert all(interval.high < PITCHFORKS[0] for interval in other.intervals())  # its images are no other motions
+
+
+def test_what_crosses_unstable_parts_is_passed_over_where_only_what_is_beside_stable_motions_is_asked_for():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.chain(5), 5)
+    diagram = hbnlp.explore(problem, "omega", (2.5, 0.2), beside_stable=True, max_points=2)
+    stable = diagram.branches[0].stable
+    beside = [junction for junction in diagram.junctions if stable[junction.point.index :][:2].any()]
+    assert 0 < len(beside) < len(diagram.junctions)
+    assert len(diagram.left) == len(beside)
+    with pytest.raises(ValueError, match=r"beside_stable needs stability"):
+        hbnlp.explore(problem, "omega", (2.5, 0.2), stability=None, beside_stable=True)
 
 
 def test_motions_that_begin_at_rest(parametron):
