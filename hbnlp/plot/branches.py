@@ -8,7 +8,7 @@ many harmonics that takes.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
@@ -20,13 +20,16 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from hbnlp.core.checks import flag, list_of, refused, whole_number
 from hbnlp.core.kinds import FoldEvent, Kind
-from hbnlp.core.types import Array
-from hbnlp.fourier import decibels
+from hbnlp.core.types import Array, BoolArray
+from hbnlp.fourier import resize
+from hbnlp.plot.along import Along, Quantity
 from hbnlp.plot.arguments import axes, check_color, check_label, result
+from hbnlp.plot.smooth import Line, place_between
 
 if TYPE_CHECKING:
     from hbnlp.branches.branch import Branch
     from hbnlp.branches.fold_curves import FoldBranch
+    from hbnlp.branches.special_points import SpecialPoint
     from hbnlp.diagrams.diagram import Diagram
     from hbnlp.sweeps.records import Sweep, TimeSweep
     from hbnlp.wing.validity import Validity
@@ -92,53 +95,17 @@ def plot_branch(
     Axes
     """
     result("branch", branch, "Branch")
-    flag("decibels", decibels)
+    quantity = _checked(output, harmonic, per, decibels)
     check_label(label)
     by_number = isinstance(color, str) and color == BY_NUMBER
     if not by_number:
         check_color(color, f", or {BY_NUMBER!r}")
-    if not isinstance(special, bool):
-        list_of(
-            "special",
-            special if isinstance(special, str) else [*special] if isinstance(special, Collection) else special,
-            Kind,
-            "True, False or kinds, such as [Kind.FOLD]",
-        )
-    level = _level(branch, output, harmonic, per, decibels)
-    if validity is not None:
-        result("validity", validity, "Validity")
-        if len(validity) != len(branch):
-            raise refused(ValueError, "validity", validity, f"that of this branch, of {len(branch)} points")
+    wanted = _kinds(special)
+    quantity.check(branch)
+    within = _within(branch, validity)
     ax = axes(ax)
-    if validity is not None and not validity.within.all():
-        shaded = np.where(validity.within, np.nan, level)
-        ax.plot(branch.parameter, shaded, **BEYOND)
-        _explain(ax, "beyond the model", **BEYOND)
-    color = ax.plot([], [], color="0.5" if by_number else color, label=label or "_branch")[0].get_color()
-    numbers = branch.n_harmonics if by_number else np.zeros(len(branch), dtype=int)
-    stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
-    solid = STABLE if branch.stable is not None else UNKNOWN
-    # the line goes through the located special points, which lie beyond their neighbours at a fold
-    located = [p for p in branch.special_points if p.refined]
-    after = [p.index + 1 for p in located]
-    along = np.insert(branch.parameter, after, [p.value for p in located])
-    level = np.insert(level, after, [_level(p.solution, output, harmonic, per, decibels) for p in located])
-    colors = _bar(ax, np.unique(numbers)) if by_number and len(branch) else {0: color}
-    for part, (steady, number) in _segments(*(np.insert(each, after, each[after]) for each in (stable, numbers))):
-        ax.plot(along[part], level[part], color=colors[number], **(solid if steady else UNSTABLE))
-    if not stable.all():
-        _explain(ax, "stable", color="0.3", **STABLE)
-        _explain(ax, "unstable", color="0.3", **UNSTABLE)
-    wanted = (Kind if special else ()) if isinstance(special, bool) else special
-    for kind, (marker, paint) in MARKERS.items():
-        points = branch.of_kind(kind)
-        if points and kind in wanted:
-            x = [p.value for p in points]
-            y = [float(_level(p.solution, output, harmonic, per, decibels)) for p in points]
-            style: dict[str, Any] = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
-            ax.plot(x, y, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
-            _explain(ax, kind.value, **style)
-    _finish(ax, branch.name, output, harmonic, per, decibels)
+    _draw(ax, branch, quantity, wanted, within, color=color, label=label, by_number=by_number)
+    _finish(ax, branch.name, quantity.label(branch.periods))
     return ax
 
 
@@ -151,23 +118,42 @@ def plot_diagram(
     per: str | None = None,
     decibels: bool = False,
     special: bool | Collection[Kind] = True,
+    validity: Sequence[Validity] | None = None,
 ) -> Axes:
     """Draw the amplitude of one harmonic of an output along all branches of a diagram, each in its colour.
+
+    A branch that was switched to is drawn from the special point at which it begins.
 
     Parameters
     ----------
     diagram : Diagram
-    output, ax, harmonic, per, decibels, special
+    output, ax, per, decibels, special
         As for `plot_branch`.
+    harmonic : int
+        Of the motions that the diagram begins with, and of the same frequency on branches of twice their period.
+    validity : sequence of Validity, optional
+        ``[wing.validity(branch) for branch in diagram.branches]``: where a limit is exceeded a branch is shaded.
 
     Returns
     -------
     Axes
     """
     result("diagram", diagram, "Diagram")
+    whole_number("harmonic", harmonic, least=0)
+    wanted = _kinds(special)
+    if validity is not None and (not isinstance(validity, Sequence) or len(validity) != len(diagram)):
+        raise refused(ValueError, "validity", validity, f"one of each of the {len(diagram)} branches, in their order")
+    judged: Sequence[Validity | None] = validity or [None] * len(diagram)
+    within = [_within(branch, each) for branch, each in zip(diagram.branches, judged, strict=True)]
+    base = min((branch.periods for branch in diagram.branches), default=1)
+    quantities = [_checked(output, harmonic * branch.periods // base, per, decibels) for branch in diagram.branches]
+    for branch, quantity in zip(diagram.branches, quantities, strict=True):
+        quantity.check(branch)
     ax = axes(ax)
-    for branch in diagram.branches:
-        plot_branch(branch, output, ax=ax, harmonic=harmonic, per=per, decibels=decibels, special=special)
+    for branch, origin, quantity, holds in zip(diagram.branches, diagram.origins, quantities, within, strict=True):
+        begin = None if origin.junction is None else diagram.junctions[origin.junction].point
+        _draw(ax, branch, quantity, wanted, holds, begin=begin)
+    _finish(ax, diagram.name, _checked(output, harmonic, per, decibels).label(base))
     return ax
 
 
@@ -184,9 +170,10 @@ def plot_sweep(
 ) -> Axes:
     """Draw one harmonic of an output along a sweep as `plot_branch` does; a jump is an arrow, no part of the curve."""
     result("sweep", sweep, "Sweep", "TimeSweep")
-    flag("decibels", decibels)
+    quantity = _checked(output, harmonic, per, decibels)
     check_label(label)
-    level = _level(sweep, output, harmonic, per, decibels)
+    quantity.check(sweep)
+    level = quantity.of(sweep)
     ax = axes(ax)
     jumps = sorted(int(jump) for jump in sweep.jumps)
     edges = [0, *jumps, len(sweep)]
@@ -201,7 +188,7 @@ def plot_sweep(
             xytext=(sweep.parameter[jump - 1], level[jump - 1]),
             arrowprops={"arrowstyle": "->", "color": style["color"], "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0},
         )
-    _finish(ax, sweep.name, output, harmonic, per, decibels)
+    _finish(ax, sweep.name, quantity.label(sweep.periods))
     return ax
 
 
@@ -210,9 +197,10 @@ def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | N
     result("curve", curve, "FoldBranch")
     check_label(label)
     ax = axes(ax)
+    first, second = _through(curve)
     ax.plot(
-        curve.first,
-        curve.second,
+        first,
+        second,
         **{"color": "tab:red", "linewidth": 1.6, **options},
         label=label or curve.event or "folds",
     )
@@ -227,25 +215,87 @@ def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | N
     return ax
 
 
-def _level(source: Any, output: str, harmonic: int, per: str | None, in_decibels: bool) -> Array:
-    """Return what is drawn for every point of a branch or sweep, or for one solution."""
-    amplitudes = source.harmonics(output)
-    whole_number("harmonic", harmonic, least=0, most=amplitudes.shape[-1] - 1, advice=", which are retained")
-    signed = harmonic == 0 and not in_decibels  # a mean has a sign
-    size = amplitudes[..., 0].real if signed else np.abs(amplitudes[..., harmonic])
-    if per is not None:
-        with np.errstate(divide="ignore", invalid="ignore"):  # at rest
-            size = size / np.abs(source.harmonics(per)[..., 1])
-    with np.errstate(divide="ignore"):
-        return decibels(size) if in_decibels else np.asarray(size)
+def _checked(output: str, harmonic: int, per: str | None, decibels: bool) -> Quantity:
+    flag("decibels", decibels)
+    return Quantity(output=output, harmonic=harmonic, per=per, decibels=decibels)
 
 
-def _segments(*columns: Array) -> Iterator[tuple[slice, tuple[int, ...]]]:
-    """Yield runs of equal rows; each run takes the first point of the next, so that the curve has no gap."""
-    rows = np.column_stack([column.astype(int) for column in columns])
-    edges = [0, *(1 + np.flatnonzero(np.any(np.diff(rows, axis=0), axis=1))), len(rows)]
-    for begin, end in itertools.pairwise(edges):
-        yield slice(int(begin), min(int(end) + 1, len(rows))), tuple(map(int, rows[begin]))
+def _kinds(special: bool | Collection[Kind]) -> Collection[Kind]:
+    """Return the kinds of special points that are marked."""
+    if isinstance(special, bool):
+        return tuple(Kind) if special else ()
+    given = special if isinstance(special, str) else [*special] if isinstance(special, Collection) else special
+    list_of("special", given, Kind, "True, False or kinds, such as [Kind.FOLD]")
+    return special
+
+
+def _within(branch: Branch, validity: Validity | None) -> BoolArray:
+    """Return whether the model holds at each point of a branch and its next one."""
+    if validity is None:
+        return np.ones(len(branch), dtype=bool)
+    result("validity", validity, "Validity")
+    if len(validity) != len(branch):
+        raise refused(ValueError, "validity", validity, f"that of this branch, of {len(branch)} points")
+    holds: BoolArray = validity.within & np.append(validity.within[1:], True)
+    return holds
+
+
+def _draw(
+    ax: Axes,
+    branch: Branch,
+    quantity: Quantity,
+    wanted: Collection[Kind],
+    within: BoolArray,
+    *,
+    begin: SpecialPoint | None = None,
+    color: Any = None,
+    label: str | None = None,
+    by_number: bool = False,
+) -> None:
+    """Draw one branch with its special points, and add what explains it to the legend."""
+    color = ax.plot([], [], color="0.5" if by_number else color, label=label or "_branch")[0].get_color()
+    if not len(branch):
+        return
+    stable = branch.stable if branch.stable is not None else np.ones(len(branch), dtype=bool)
+    solid = STABLE if branch.stable is not None else UNKNOWN
+    numbers = branch.n_harmonics if by_number else np.zeros(len(branch), dtype=int)
+    colors = _bar(ax, np.unique(numbers)) if by_number else {0: color}
+    along = Along.of(branch, quantity, np.column_stack([stable, numbers, within]), begin)
+    for parameter, level, (_, _, holds) in along.pieces(2):
+        if not holds:
+            ax.plot(parameter, level, **BEYOND)
+            _explain(ax, "beyond the model", **BEYOND)
+    for parameter, level, (steady, number, _) in along.pieces(0, 1):
+        ax.plot(parameter, level, color=colors[number], **(solid if steady else UNSTABLE))
+    if not stable.all():
+        _explain(ax, "stable", color="0.3", **STABLE)
+        _explain(ax, "unstable", color="0.3", **UNSTABLE)
+    for kind, (marker, paint) in MARKERS.items():
+        points = branch.of_kind(kind)
+        if points and kind in wanted:
+            x = [p.value for p in points]
+            y = [float(quantity.level(quantity.amplitudes(p.solution, branch.periods))) for p in points]
+            style: dict[str, Any] = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
+            ax.plot(x, y, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
+            _explain(ax, kind.value, **style)
+
+
+def _through(curve: FoldBranch) -> tuple[Array, Array]:
+    """Return a smooth line through the points and events of a curve, in the plane of its parameters."""
+    plane, motions = np.column_stack([curve.first, curve.second]), curve.coefficients
+    cusps: list[int] = []
+    turns: list[int] = []
+    for event in curve.events:
+        motion = resize(event.coefficients, motions.shape[2] // 2)
+        at = place_between(plane, motions, np.array([event.first, event.second]), motion)
+        plane, motions = (
+            np.insert(plane, at, [event.first, event.second], axis=0),
+            np.insert(motions, at, motion, axis=0),
+        )
+        cusps, turns = ([i + (i >= at) for i in places] for places in (cusps, turns))
+        (cusps if event.kind is FoldEvent.CUSP else turns).append(at)
+    line = Line(plane, motions)
+    return line(plane[:, 0], still=cusps), line(plane[:, 1], still=[*cusps, *turns])
 
 
 def _bar(ax: Axes, numbers: Array) -> dict[int, Any]:
@@ -268,13 +318,9 @@ def _explain(ax: Axes, label: str, **style: Any) -> None:
         ax.plot([], [], label=label, **style)
 
 
-def _finish(ax: Axes, parameter: str, output: str, harmonic: int, per: str | None, decibels: bool) -> None:
+def _finish(ax: Axes, parameter: str, level: str) -> None:
     ax.set_xlabel(_axis(parameter))
-    name = output if harmonic else f"mean of {output}"
-    what = f"|{name}|" if harmonic or decibels else name
-    what += f" / |{per}|" if per else ""
-    notes = [*([f"harmonic {harmonic}"] if harmonic else []), *(["dB"] if decibels else [])]
-    ax.set_ylabel(f"{what} ({', '.join(notes)})" if notes else what)
+    ax.set_ylabel(level)
     if ax.get_xscale() == "log":
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
