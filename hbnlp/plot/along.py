@@ -12,8 +12,10 @@ import numpy as np
 
 from hbnlp.core.checks import whole_number
 from hbnlp.core.kinds import Kind
+from hbnlp.core.quantities import quantities_of
 from hbnlp.core.types import Array, ComplexArray, IntArray
 from hbnlp.fourier import decibels, resize
+from hbnlp.plot.arguments import modulus
 from hbnlp.plot.smooth import PARTS, Line
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quantity:
+class Ordinate:
     """What of a solution or record is drawn: the amplitude of one harmonic of an output.
 
     Attributes
@@ -50,7 +52,7 @@ class Quantity:
     def amplitudes(self, source: Any, periods: int) -> ComplexArray:
         """Return the complex amplitudes (..., 1 or 2) that it is made of, for all points of a record or a solution.
 
-        It is a quantity of motions over so many periods; harmonics that the source does not have are zero.
+        The harmonic is that of motions over so many periods; harmonics that the source does not have are zero.
         """
 
         def harmonic(output: str, order: Fraction) -> ComplexArray:
@@ -76,13 +78,15 @@ class Quantity:
         """Return what is drawn for all points of a record, or a solution."""
         return self.level(self.amplitudes(source, source.periods))
 
-    def label(self, periods: int) -> str:
-        """Return what stands beside the axis, for motions over so many periods of the forcing."""
-        name = self.output if self.harmonic else f"mean of {self.output}"
-        what = f"|{name}|" if self.harmonic or self.decibels else name
-        what += f" / |{self.per}|" if self.per else ""
-        order = [f"harmonic {Fraction(self.harmonic, periods)}"] if self.harmonic else []
-        notes = [*order, *(["dB"] if self.decibels else [])]
+    def label(self, record: Any, periods: int) -> str:
+        """Return what stands beside the axis, for motions of a record over so many periods of the forcing."""
+        known = quantities_of(record)
+        name, of_mean = known.label(self.output), "" if self.harmonic else "mean of "
+        what = of_mean + name if not (self.harmonic or self.decibels) else modulus(of_mean + name)
+        what += f" / {modulus(known.label(self.per))}" if self.per is not None else ""
+        unit = "" if self.per is not None or self.decibels else known.unit(self.output)
+        order = f"harmonic {Fraction(self.harmonic, periods)}" if self.harmonic else ""
+        notes = [note for note in (unit, order, "dB" if self.decibels else "") if note]
         return f"{what} ({', '.join(notes)})" if notes else what
 
 
@@ -102,7 +106,7 @@ class Along:
     marks: IntArray
 
     @classmethod
-    def of(cls, branch: Branch, quantity: Quantity, marks: IntArray, begin: SpecialPoint | None = None) -> Along:
+    def of(cls, branch: Branch, ordinate: Ordinate, marks: IntArray, begin: SpecialPoint | None = None) -> Along:
         """Return what is drawn of a branch.
 
         The line goes through the located special points, which lie beyond their neighbours at a fold, and begins at the
@@ -118,14 +122,14 @@ class Along:
         parameter = through(branch.parameter, [point.value for point in located])
         motions = through(branch.coefficients, [resize(point.solution.coefficients, most) for point in located])
         amplitudes = through(
-            quantity.amplitudes(branch, branch.periods),
-            [quantity.amplitudes(point.solution, branch.periods) for point in located],
+            ordinate.amplitudes(branch, branch.periods),
+            [ordinate.amplitudes(point.solution, branch.periods) for point in located],
         )
         marks = through(marks, [marks[i] for i in after])
         folds = [after[k] + k for k, point in enumerate(located) if point.kind is Kind.FOLD]
         if begin is not None and len(branch):
             # known there up to the symmetries of the system: the size counts, in the phase that the branch has
-            size = np.abs(quantity.amplitudes(begin.solution, branch.periods))
+            size = np.abs(ordinate.amplitudes(begin.solution, branch.periods))
             parameter, motions, marks = (
                 np.concatenate([first, each])
                 for first, each in (([begin.value], parameter), (motions[:1], motions), (marks[:1], marks))
@@ -133,7 +137,7 @@ class Along:
             amplitudes = np.concatenate([[size * np.exp(1j * np.angle(amplitudes[0]))], amplitudes])
             folds = [1 + fold for fold in folds]
         line = Line(parameter[:, None], motions)
-        return cls(parameter=line(parameter, still=folds), level=quantity.level(line(amplitudes)), marks=marks)
+        return cls(parameter=line(parameter, still=folds), level=ordinate.level(line(amplitudes)), marks=marks)
 
     def pieces(self, *columns: int) -> Iterator[tuple[Array, Array, tuple[int, ...]]]:
         """Yield parameter and level of each part along which these marks stay, and all marks of its first point.

@@ -22,8 +22,8 @@ from hbnlp.core.checks import flag, list_of, refused, whole_number
 from hbnlp.core.kinds import FoldEvent, Kind
 from hbnlp.core.types import Array, BoolArray
 from hbnlp.fourier import resize
-from hbnlp.plot.along import Along, Quantity
-from hbnlp.plot.arguments import axes, check_color, check_label, result
+from hbnlp.plot.along import Along, Ordinate
+from hbnlp.plot.arguments import axes, axis, check_color, check_label, result
 from hbnlp.plot.smooth import Line, place_between
 
 if TYPE_CHECKING:
@@ -95,17 +95,17 @@ def plot_branch(
     Axes
     """
     result("branch", branch, "Branch")
-    quantity = _checked(output, harmonic, per, decibels)
+    ordinate = _checked(output, harmonic, per, decibels)
     check_label(label)
     by_number = isinstance(color, str) and color == BY_NUMBER
     if not by_number:
         check_color(color, f", or {BY_NUMBER!r}")
     wanted = _kinds(special)
-    quantity.check(branch)
+    ordinate.check(branch)
     within = _within(branch, validity)
     ax = axes(ax)
-    _draw(ax, branch, quantity, wanted, within, color=color, label=label, by_number=by_number)
-    _finish(ax, branch.name, quantity.label(branch.periods))
+    _draw(ax, branch, ordinate, wanted, within, color=color, label=label, by_number=by_number)
+    _finish(ax, axis(branch, branch.name), ordinate.label(branch, branch.periods))
     return ax
 
 
@@ -146,14 +146,14 @@ def plot_diagram(
     judged: Sequence[Validity | None] = validity or [None] * len(diagram)
     within = [_within(branch, each) for branch, each in zip(diagram.branches, judged, strict=True)]
     base = min((branch.periods for branch in diagram.branches), default=1)
-    quantities = [_checked(output, harmonic * branch.periods // base, per, decibels) for branch in diagram.branches]
-    for branch, quantity in zip(diagram.branches, quantities, strict=True):
-        quantity.check(branch)
+    ordinates = [_checked(output, harmonic * branch.periods // base, per, decibels) for branch in diagram.branches]
+    for branch, ordinate in zip(diagram.branches, ordinates, strict=True):
+        ordinate.check(branch)
     ax = axes(ax)
-    for branch, origin, quantity, holds in zip(diagram.branches, diagram.origins, quantities, within, strict=True):
+    for branch, origin, ordinate, holds in zip(diagram.branches, diagram.origins, ordinates, within, strict=True):
         begin = None if origin.junction is None else diagram.junctions[origin.junction].point
-        _draw(ax, branch, quantity, wanted, holds, begin=begin)
-    _finish(ax, diagram.name, _checked(output, harmonic, per, decibels).label(base))
+        _draw(ax, branch, ordinate, wanted, holds, begin=begin)
+    _finish(ax, axis(diagram, diagram.name), _checked(output, harmonic, per, decibels).label(diagram, base))
     return ax
 
 
@@ -170,10 +170,10 @@ def plot_sweep(
 ) -> Axes:
     """Draw one harmonic of an output along a sweep as `plot_branch` does; a jump is an arrow, no part of the curve."""
     result("sweep", sweep, "Sweep", "TimeSweep")
-    quantity = _checked(output, harmonic, per, decibels)
+    ordinate = _checked(output, harmonic, per, decibels)
     check_label(label)
-    quantity.check(sweep)
-    level = quantity.of(sweep)
+    ordinate.check(sweep)
+    level = ordinate.of(sweep)
     ax = axes(ax)
     jumps = sorted(int(jump) for jump in sweep.jumps)
     edges = [0, *jumps, len(sweep)]
@@ -188,7 +188,7 @@ def plot_sweep(
             xytext=(sweep.parameter[jump - 1], level[jump - 1]),
             arrowprops={"arrowstyle": "->", "color": style["color"], "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0},
         )
-    _finish(ax, sweep.name, quantity.label(sweep.periods))
+    _finish(ax, axis(sweep, sweep.name), ordinate.label(sweep, sweep.periods))
     return ax
 
 
@@ -209,15 +209,15 @@ def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | N
         if events:
             x, y = [e.first for e in events], [e.second for e in events]
             ax.plot(x, y, marker=marker, color=paint, linestyle="none", markersize=6, label=kind.value, zorder=3)
-    ax.set_xlabel(_axis(curve.names[0]))
-    ax.set_ylabel(_axis(curve.names[1]))
+    ax.set_xlabel(axis(curve, curve.names[0]))
+    ax.set_ylabel(axis(curve, curve.names[1]))
     ax.legend(frameon=False)
     return ax
 
 
-def _checked(output: str, harmonic: int, per: str | None, decibels: bool) -> Quantity:
+def _checked(output: str, harmonic: int, per: str | None, decibels: bool) -> Ordinate:
     flag("decibels", decibels)
-    return Quantity(output=output, harmonic=harmonic, per=per, decibels=decibels)
+    return Ordinate(output=output, harmonic=harmonic, per=per, decibels=decibels)
 
 
 def _kinds(special: bool | Collection[Kind]) -> Collection[Kind]:
@@ -243,7 +243,7 @@ def _within(branch: Branch, validity: Validity | None) -> BoolArray:
 def _draw(
     ax: Axes,
     branch: Branch,
-    quantity: Quantity,
+    ordinate: Ordinate,
     wanted: Collection[Kind],
     within: BoolArray,
     *,
@@ -260,7 +260,7 @@ def _draw(
     solid = STABLE if branch.stable is not None else UNKNOWN
     numbers = branch.n_harmonics if by_number else np.zeros(len(branch), dtype=int)
     colors = _bar(ax, np.unique(numbers)) if by_number else {0: color}
-    along = Along.of(branch, quantity, np.column_stack([stable, numbers, within]), begin)
+    along = Along.of(branch, ordinate, np.column_stack([stable, numbers, within]), begin)
     for parameter, level, (_, _, holds) in along.pieces(2):
         if not holds:
             ax.plot(parameter, level, **BEYOND)
@@ -274,7 +274,7 @@ def _draw(
         points = branch.of_kind(kind)
         if points and kind in wanted:
             x = [p.value for p in points]
-            y = [float(quantity.level(quantity.amplitudes(p.solution, branch.periods))) for p in points]
+            y = [float(ordinate.level(ordinate.amplitudes(p.solution, branch.periods))) for p in points]
             style: dict[str, Any] = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
             ax.plot(x, y, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
             _explain(ax, kind.value, **style)
@@ -308,10 +308,6 @@ def _bar(ax: Axes, numbers: Array) -> dict[int, Any]:
     return dict(zip(numbers.tolist(), map(tuple, scale.to_rgba(places)), strict=True))
 
 
-def _axis(parameter: str) -> str:
-    return r"$\omega$" if parameter == "omega" else parameter
-
-
 def _explain(ax: Axes, label: str, **style: Any) -> None:
     """Add a legend entry without data, once."""
     if label not in ax.get_legend_handles_labels()[1]:
@@ -319,7 +315,7 @@ def _explain(ax: Axes, label: str, **style: Any) -> None:
 
 
 def _finish(ax: Axes, parameter: str, level: str) -> None:
-    ax.set_xlabel(_axis(parameter))
+    ax.set_xlabel(parameter)
     ax.set_ylabel(level)
     if ax.get_xscale() == "log":
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
