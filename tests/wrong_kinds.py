@@ -497,13 +497,14 @@ def examples():
             "diagram": w.diagram, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
             "special": True, "validity": None,
         },
-        "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None},
+        "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None, "special": True},
         "plot.plot_lift_response": {"response": w.lifts, "ax": None},
         "plot.plot_loads": {"history": w.history, "ax": None},
         "plot.plot_rational_fit": {"fit": w.fit},
         "plot.plot_solutions": {"found": w.found, "output": "x", "ax": None},
         "plot.plot_sweep": {
             "sweep": w.sweep, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False, "label": None,
+            "jumps": True,
         },
         "plot.plot_vorticity": {
             "snapshot": w.snapshot, "ax": None, "limit": 5.0, "levels": 1, "x": (0.0, 1.0), "y": (0.0, 1.0),

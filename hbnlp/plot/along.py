@@ -21,6 +21,7 @@ from hbnlp.plot.smooth import PARTS, Line
 if TYPE_CHECKING:
     from hbnlp.branches.branch import Branch
     from hbnlp.branches.special_points import SpecialPoint
+    from hbnlp.solutions.solution import Solution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +76,12 @@ class Ordinate:
             return decibels(size) if self.decibels else np.asarray(size)
 
     def of(self, source: Any) -> Array:
-        """Return what is drawn for all points of a record, or a solution."""
+        """Return what is drawn for all points of a record."""
         return self.level(self.amplitudes(source, source.periods))
+
+    def at(self, solution: Solution, periods: int) -> float:
+        """Return what is drawn for one solution beside motions over so many periods."""
+        return float(self.level(self.amplitudes(solution, periods)))
 
     def label(self, record: Any, periods: int) -> str:
         """Return what stands beside the axis, for motions of a record over so many periods of the forcing."""

@@ -104,7 +104,8 @@ def plot_branch(
     ordinate.check(branch)
     within = _within(branch, validity)
     ax = axes(ax)
-    _draw(ax, branch, ordinate, wanted, within, color=color, label=label, by_number=by_number)
+    _draw(ax, branch, ordinate, within, color=color, label=label, by_number=by_number)
+    _mark(ax, [(point, ordinate.at(point.solution, branch.periods)) for point in branch.special_points], wanted)
     _finish(ax, axis(branch, branch.name), ordinate.label(branch, branch.periods))
     return ax
 
@@ -152,7 +153,10 @@ def plot_diagram(
     ax = axes(ax)
     for branch, origin, ordinate, holds in zip(diagram.branches, diagram.origins, ordinates, within, strict=True):
         begin = None if origin.junction is None else diagram.junctions[origin.junction].point
-        _draw(ax, branch, ordinate, wanted, holds, begin=begin)
+        _draw(ax, branch, ordinate, holds, begin=begin)
+    met = [(junction.point, junction.branches[0]) for junction in diagram.special_points]
+    levels = [ordinates[on].at(point.solution, diagram.branches[on].periods) for point, on in met]
+    _mark(ax, [(point, level) for (point, _), level in zip(met, levels, strict=True)], wanted)
     _finish(ax, axis(diagram, diagram.name), _checked(output, harmonic, per, decibels).label(diagram, base))
     return ax
 
@@ -166,22 +170,27 @@ def plot_sweep(
     per: str | None = None,
     decibels: bool = False,
     label: str | None = None,
+    jumps: bool = True,
     **options: Any,
 ) -> Axes:
-    """Draw one harmonic of an output along a sweep as `plot_branch` does; a jump is an arrow, no part of the curve."""
+    """Draw one harmonic of an output along a sweep as `plot_branch` does; a jump is an arrow, no part of the curve.
+
+    Without ``jumps`` there are no arrows, and the curve has gaps.
+    """
     result("sweep", sweep, "Sweep", "TimeSweep")
+    flag("jumps", jumps)
     ordinate = _checked(output, harmonic, per, decibels)
     check_label(label)
     ordinate.check(sweep)
     level = ordinate.of(sweep)
     ax = axes(ax)
-    jumps = sorted(int(jump) for jump in sweep.jumps)
-    edges = [0, *jumps, len(sweep)]
+    places = sorted(int(jump) for jump in sweep.jumps)
+    edges = [0, *places, len(sweep)]
     style = {"marker": ".", "markersize": 3.0, "linewidth": 1.0, **options}
     for k, (begin, end) in enumerate(itertools.pairwise(edges)):
         line = ax.plot(sweep.parameter[begin:end], level[begin:end], label=label if k == 0 else None, **style)[0]
         style["color"] = line.get_color()
-    for jump in jumps:
+    for jump in places if jumps else ():
         ax.annotate(
             "",
             xy=(sweep.parameter[jump], level[jump]),
@@ -192,10 +201,16 @@ def plot_sweep(
     return ax
 
 
-def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | None = None, **options: Any) -> Axes:
-    """Draw a curve of folds or events in the plane of its two parameters, with cusps, isola births and merges."""
+def plot_fold_curve(
+    curve: FoldBranch, *, ax: Axes | None = None, label: str | None = None, special: bool = True, **options: Any
+) -> Axes:
+    """Draw a curve of folds or events in the plane of its two parameters, with its cusps, isola births and merges.
+
+    Without ``special`` the line alone is drawn; options go to matplotlib's line.
+    """
     result("curve", curve, "FoldBranch")
     check_label(label)
+    flag("special", special)
     ax = axes(ax)
     first, second = _through(curve)
     ax.plot(
@@ -206,9 +221,11 @@ def plot_fold_curve(curve: FoldBranch, *, ax: Axes | None = None, label: str | N
     )
     for kind, (marker, paint) in EVENT_MARKERS.items():
         events = curve.of_kind(kind)
-        if events:
+        if events and special:
             x, y = [e.first for e in events], [e.second for e in events]
-            ax.plot(x, y, marker=marker, color=paint, linestyle="none", markersize=6, label=kind.value, zorder=3)
+            style: dict[str, Any] = {"marker": marker, "color": paint, "linestyle": "none", "markersize": 6}
+            ax.plot(x, y, **style, zorder=3)
+            _explain(ax, kind.value, **style)
     ax.set_xlabel(axis(curve, curve.names[0]))
     ax.set_ylabel(axis(curve, curve.names[1]))
     ax.legend(frameon=False)
@@ -244,7 +261,6 @@ def _draw(
     ax: Axes,
     branch: Branch,
     ordinate: Ordinate,
-    wanted: Collection[Kind],
     within: BoolArray,
     *,
     begin: SpecialPoint | None = None,
@@ -252,7 +268,7 @@ def _draw(
     label: str | None = None,
     by_number: bool = False,
 ) -> None:
-    """Draw one branch with its special points, and add what explains it to the legend."""
+    """Draw the line of one branch, and add what explains it to the legend."""
     color = ax.plot([], [], color="0.5" if by_number else color, label=label or "_branch")[0].get_color()
     if not len(branch):
         return
@@ -270,13 +286,15 @@ def _draw(
     if not stable.all():
         _explain(ax, "stable", color="0.3", **STABLE)
         _explain(ax, "unstable", color="0.3", **UNSTABLE)
+
+
+def _mark(ax: Axes, points: Sequence[tuple[SpecialPoint, float]], wanted: Collection[Kind]) -> None:
+    """Mark special points at their levels, with one legend entry a kind."""
     for kind, (marker, paint) in MARKERS.items():
-        points = branch.of_kind(kind)
-        if points and kind in wanted:
-            x = [p.value for p in points]
-            y = [float(ordinate.level(ordinate.amplitudes(p.solution, branch.periods))) for p in points]
+        here = [(point.value, level) for point, level in points if point.kind is kind]
+        if here and kind in wanted:
             style: dict[str, Any] = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
-            ax.plot(x, y, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
+            ax.plot(*np.array(here).T, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
             _explain(ax, kind.value, **style)
 
 
