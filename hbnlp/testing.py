@@ -7,7 +7,10 @@ import numpy as np
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.core.kinds import Kind
+from hbnlp.core.stored import stored_result
 from hbnlp.fourier import n_coefficients
+
+__all__ = ["check_branch", "stored_result"]
 
 
 def check_branch(

@@ -325,7 +325,8 @@ def examples():
             "forcing": lambda tau, p: p.force * ca.cos(tau), "parameters": {"force": 1.0},
             "outputs": {"x": lambda s: s.q[0]}, "lag_state": [[-1.0]], "lag_input": [[1.0]], "lag_output": [[1.0]],
             "motion": lambda tau, p: ca.sin(tau), "input_stiffness": [[1.0]], "input_damping": [[1.0]],
-            "input_mass": [[1.0]], "lag_motion": [[1.0]], "symmetries": (), "angles": (), "name": "system",
+            "input_mass": [[1.0]], "lag_motion": [[1.0]], "symmetries": (), "angles": (), "labels": {"x": "x"},
+            "units": {"x": "mm"}, "name": "system",
         },
         "System.linearisation": {"self": w.system, "at": None, "rest": None},
         "System.output_index": {"self": w.system, "name": "x"},
@@ -496,18 +497,20 @@ def examples():
         },
         "plot.plot_diagram": {
             "diagram": w.diagram, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
-            "special": True,
+            "special": True, "validity": None,
         },
-        "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None},
+        "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None, "special": True},
         "plot.plot_lift_response": {"response": w.lifts, "ax": None},
         "plot.plot_loads": {"history": w.history, "ax": None},
         "plot.plot_rational_fit": {"fit": w.fit},
         "plot.plot_solutions": {"found": w.found, "output": "x", "ax": None},
         "plot.plot_sweep": {
             "sweep": w.sweep, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False, "label": None,
+            "jumps": True,
         },
         "plot.plot_vorticity": {
             "snapshot": w.snapshot, "ax": None, "limit": 5.0, "levels": 1, "x": (0.0, 1.0), "y": (0.0, 1.0),
+            "bar": True,
         },
     }  # fmt: skip
     for membrane in ("LinearMembrane", "QuasiLinearMembrane", "NonlinearMembrane"):

@@ -36,9 +36,9 @@ pitch = {"pitch_amplitude": np.radians(2.5)}
 begun, branches = time.process_time(), []
 for wing in (quasi_linear, nonlinear):
     problem = hbnlp.HarmonicBalance(wing, n_harmonics=9)
-    branches.append(hbnlp.trace(problem, "omega", (0.8, 5.8), at=pitch, stability=None))
+    branches.append(hbnlp.trace(problem, "omega", (0.8, 5.8), at=pitch))
     quiet = hbnlp.solve(problem, at={**pitch, "omega": 5.6})
-    branches.append(hbnlp.trace(problem, "omega", (4.0, 5.8), start=quiet, direction=-1, stability=None))
+    branches.append(hbnlp.trace(problem, "omega", (4.0, 5.8), start=quiet, direction=-1))
 balanced = time.process_time() - begun
 
 begun = time.process_time()
@@ -79,12 +79,9 @@ print(f"CPU: {integrated:.1f} s for {n_integrated} frequencies integrated, {bala
 print(f"a point costs {integrated / n_integrated / (balanced / points):.0f} times as much integrated")
 
 for branch, colour, name in zip(branches, ("C0", "C0", "C1", "C1"), ("quasi-linear", None, "full", None), strict=True):
-    label = name and f"{name} membrane, H = 9"
-    left.plot(branch.parameter, abs(branch.harmonics("C_L")[:, 1]), color=colour, linewidth=1.0, label=label)
-left.set(
-    xlabel=r"$\omega$", ylabel="$|C_L|$ (first harmonic)", title="2.5 degrees: resonant, unstable and quiet motion"
-)
+    branch.plot("C_L", ax=left, color=colour, label=name and f"{name} membrane, H = 9", special=False)
+left.set_title("2.5 degrees: resonant, unstable and quiet motion")
 left.legend(frameon=False, fontsize="small")
-right.set(xlabel=r"$\omega$", title="difference from Runge-Kutta, relative")
+right.set(xlabel=r"$\omega c/U$", title="difference from Runge-Kutta, relative")
 right.legend(frameon=False, fontsize="small")
 figure.savefig("direct_integration.png", dpi=110)

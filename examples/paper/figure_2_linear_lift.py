@@ -36,15 +36,17 @@ for tension, i, g, ratio in zip(tensions, peaks, excess, low, strict=True):
 
 # %%
 # Linear stability about rest: the tension below which the wing flutters or diverges, for light and heavy membranes.
-mass_ratios = np.geomspace(0.05, 20.0, 16)
+mass_ratios = np.geomspace(0.05, 20.0, 61)
 limits = [hbnlp.stability_limits(wing, "prestrain", (1e-4, 0.2), at={"mass_ratio": mu}) for mu in mass_ratios]
 highest = np.array([max((500.0 * x.value for x in found), default=np.nan) for found in limits])
 kinds = {x.kind for found in limits for x in found}
-print("limits:", ", ".join(f"mu = {mu:.3g}: {c:.4g}" for mu, c in zip(mass_ratios, highest, strict=True)), kinds)
+print(
+    "limits:", ", ".join(f"mu = {m:.3g}: {c:.4g}" for m, c in zip(mass_ratios[::4], highest[::4], strict=True)), kinds
+)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.6), width_ratios=(2, 1), layout="constrained")
 response.plot(ax=left).set_title("linear lift response at Re = 100")
-right.loglog(mass_ratios, highest, "o-", color="C3")
+right.loglog(mass_ratios, highest, color="C3")
 right.fill_between(mass_ratios, 0.02, highest, color="0.92")
 right.plot(0.5 * np.ones(8), tensions, "kx", label="the wings on the left")
 right.set(

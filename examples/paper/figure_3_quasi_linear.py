@@ -51,7 +51,7 @@ for frequency, limit in zip(frequencies, linear, strict=True):
     assert abs(rate - 2.0) < 0.05
 
 figure, axes = plt.subplots(1, 3, figsize=(14, 4.8), width_ratios=(3, 3, 2), layout="constrained")
-drawn = {"per": "alpha_acceleration", "decibels": True, "marker": ""}
+drawn = {"per": "alpha_acceleration", "decibels": True, "marker": "", "jumps": False}
 for ax, way in zip(axes[:2], ("up", "down"), strict=True):
     ax.set(xscale="log", title=f"marching {way}")
     for degrees in np.arange(0.5, 10.01, 0.5):

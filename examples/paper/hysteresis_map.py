@@ -11,9 +11,10 @@ amplitudes, because the load of a pitching frame grows as :math:`\omega^2`.
 tongue alone. The map shows that the tongues of higher modes reach over that amplitude: their folds belong to detached
 branches, which :doc:`all_solutions` finds by a search.
 
-*Unsafe to use* (shaded): the camber of the motion that is traced from low frequencies exceeds a tenth of the chord,
-where the quasi-linear membrane is no model any more. The band of the aerodynamic model, :math:`\omega` from 0.01 to
-1000, holds every harmonic drawn here.
+*Unsafe to use* (shaded): the camber of the first resonant motion exceeds a tenth of the chord, where the quasi-linear
+membrane is no model any more: an event of the branch, followed in both parameters down to 1.18 degrees, below which the
+motion traced from low frequencies is the quiet one. The band of the aerodynamic model, :math:`\omega` from 0.01 to 1000,
+holds every harmonic drawn here.
 
 *How much depends on the harmonics.* The tongues are drawn with one harmonic; broken lines are the folds with three. All
 seven are there again, each cusp within 0.1 per cent in frequency and one per cent in amplitude; the map of the onsets
@@ -21,8 +22,8 @@ is one of first harmonics. What three harmonics add are three shorter tongues, f
 higher mode resonates with the third harmonic of the motion. With five harmonics (:doc:`figure_4_hysteresis`) the
 first tongue at 2.5 degrees lies between 4.577 and 44, with one between 4.533 and 48.
 
-*An isola.* The lower edge of the first tongue dips between :math:`\omega = 2.9` and 6.2 (crosses): between its extrema,
-from 1.18 to 1.29 degrees, the resonant motion is a loop of its own, which no march from rest meets.
+*An isola.* The lower edge of the first tongue dips between :math:`\omega = 2.9` and 6.2 (circle and square): between
+its extrema, from 1.18 to 1.29 degrees, the resonant motion is a loop of its own, which no march from rest meets.
 
 35 s.
 """
@@ -66,36 +67,36 @@ for number, group in ((1, curves), (3, of_three)):
         cusp = curve.cusps[0]
         print(f"H = {number}: cusp at omega = {cusp.first:.4f}, {np.degrees(cusp.second):.4f} degrees; {curve!r}")
 
-# the amplitudes from which on the motion traced from low frequencies has too much camber
+# where the resonant motion has a camber of a tenth, down to the amplitude at which this curve turns
+events = {"camber 0.1": lambda s: s.amplitude_squared("midchord") - 0.01}
+branch = hbnlp.trace(problem, "omega", (0.5, 8.0), at={"pitch_amplitude": np.radians(2.5)}, events=events)
+unsafe = hbnlp.follow(branch.of_kind("event")[0], "pitch_amplitude", limits=(0.5, 5.9), span=spans["span"])
 phase = np.linspace(0.0, 2.0 * np.pi, 64)
-amplitudes, unsafe = np.geomspace(0.1, 12.0, 14), []
-for degrees in amplitudes:
-    branch = hbnlp.trace(problem, "omega", (0.02, 150.0), at={"pitch_amplitude": np.radians(degrees)}, stability=None)
-    for i in range(len(branch)):
-        solution = branch.solution(i)
-        if membrane.camber(solution.displacement(phase / solution.omega)).max() > 0.1:
-            break
-    unsafe.append(branch.parameter[i])
+motions = [unsafe.solution(i) for i in range(0, len(unsafe), 5)]
+cambers = [membrane.camber(motion.displacement(phase / motion.omega)).max() for motion in motions]
+assert np.allclose(cambers, 0.1, rtol=0.01)
 
 figure, plane = plt.subplots(figsize=(9, 5), layout="constrained")
 for number, curve in enumerate(curves):
-    colour = f"C{number}"
-    plane.plot(curve.first, np.degrees(curve.second), color=colour, label=f"tongue {number + 1}")
-    for cusp in curve.cusps:
-        plane.plot(cusp.first, np.degrees(cusp.second), "o", color=colour, markersize=4)
-turns = [*curves[0].isola_births, *curves[0].isola_merges]
-degrees = [np.degrees(turn.second) for turn in turns]
-plane.plot([turn.first for turn in turns], degrees, "kx", markersize=5, label="an isola is born, merges")
+    curve.plot(ax=plane, color=f"C{number}", label=f"tongue {number + 1}")
 for curve in of_three:
-    label = "three harmonics" if curve is of_three[0] else None
-    plane.plot(curve.first, np.degrees(curve.second), color="0.4", linewidth=0.7, linestyle="--", label=label, zorder=1)
-plane.fill_betweenx(amplitudes, unsafe, 200.0, color="0.92", zorder=0, label="camber > 0.1 from below")
-plane.axhline(2.5, color="0.5", linewidth=0.6, linestyle=":")
-plane.set(xscale="log", yscale="log", xlim=(1.0, 150.0), ylim=(0.1, 12.0))
-plane.set(xlabel=r"$\omega$", ylabel=r"$\alpha_2$ (degrees)", title="folds, and the cusps where they begin")
-plane.legend(fontsize="small", loc="lower left")
+    label = "three harmonics" if curve is of_three[0] else "_"
+    curve.plot(ax=plane, color="0.4", linewidth=0.7, linestyle="--", label=label, zorder=1, special=False)
+unsafe.plot(ax=plane, color="0.7", label="camber > 0.1, resonant", zorder=0)
+edge = plane.get_lines()[-1]
+plane.fill_betweenx(edge.get_ydata(), edge.get_xdata(), 200.0, color="0.92", zorder=0)
+plane.axhline(np.radians(2.5), color="0.5", linewidth=0.6, linestyle=":")
+plane.set(
+    xscale="log", yscale="log", xlim=(1.0, 150.0), ylim=spans["span"], title="folds, and the cusps where they begin"
+)
+ticks = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+plane.set_yticks(np.radians(ticks), [f"{degrees:g}" for degrees in ticks])
+plane.set_yticks([], minor=True)
+plane.set_ylabel("pitch amplitude (degrees)")
+plane.legend(fontsize="small", loc="lower left", ncols=2)
 figure.savefig("hysteresis_map.png", dpi=110)
 
+degrees = [np.degrees(turn.second) for turn in (*curves[0].isola_births, *curves[0].isola_merges)]
 cusps, cusps_of_three = ([[c.cusps[0].first, c.cusps[0].second] for c in group] for group in (curves, of_three))
 nearest = [min(cusps_of_three, key=lambda other, one=one: abs(other[0] - one[0])) for one in cusps]
 np.testing.assert_allclose(nearest, cusps, rtol=0.01)

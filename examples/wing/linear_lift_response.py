@@ -31,7 +31,7 @@ print(response)
 
 # %%
 # The limits of stability in the prestrain, for a range of mass ratios, as tensions c_T = 2 Eh delta0.
-mass_ratios = np.geomspace(4.0, 100.0, 30)
+mass_ratios = np.union1d(np.geomspace(4.0, 100.0, 30), np.linspace(16.8, 20.0, 33))  # flutter begins near 17
 limits = [hbnlp.stability_limits(wing, "prestrain", (0.003, 0.04), at={"mass_ratio": mu}) for mu in mass_ratios]
 last = {
     kind: [max((2.0 * 250.0 * x.value for x in found if x.kind == kind), default=np.nan) for found in limits]
@@ -42,10 +42,12 @@ assert np.allclose(last["divergence"], 1.726336, atol=1e-6)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), width_ratios=(3, 2), layout="constrained")
 response.plot(ax=left).set(ylim=(-50, 65), title="linear lift response")
-right.loglog(mass_ratios, last["divergence"], label="divergence below")
-right.loglog(mass_ratios, last["flutter"], label="flutter below")
-right.fill_between(mass_ratios, np.fmax(last["divergence"], last["flutter"]), 20.0, color="0.93")
-right.text(6.0, 6.0, "stable")
+flutter = np.fmax(last["divergence"], last["flutter"])
+right.loglog(mass_ratios, last["divergence"], color="C0")
+right.loglog(mass_ratios, np.where(flutter > last["divergence"], flutter, np.nan), color="C1")
+right.fill_between(mass_ratios, 1.0, last["divergence"], color="C0", alpha=0.15, linewidth=0.0)
+right.fill_between(mass_ratios, last["divergence"], flutter, color="C1", alpha=0.15, linewidth=0.0)
+for x, y, what in ((6.0, 6.0, "stable"), (6.0, 1.25, "divergence"), (45.0, 3.0, "flutter")):
+    right.text(x, y, what)
 right.set(xlabel=r"mass ratio $\mu$", ylabel="$c_T$", title="stability about rest", ylim=(1.0, 20.0), xlim=(4.0, 100.0))
-right.legend(frameon=False, loc="upper left")
 figure.savefig("linear_lift_response.png", dpi=110)

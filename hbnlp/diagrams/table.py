@@ -48,6 +48,7 @@ def joined(tables: Sequence[Table], message: str) -> Table:
         coordinates=tables[0].coordinates,
         axes=(),
         labels=tables[0].labels,
+        quantities=tables[0].quantities,
     )
 
 

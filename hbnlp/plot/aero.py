@@ -33,7 +33,7 @@ def plot_lift_response(response: LiftResponse, *, ax: Axes | None = None, **opti
         drawn = {"color": shade, **style, "label": f"$c_T = {tension:g}${note}", **options}
         ax.semilogx(response.omega, decibels(gain), **drawn)
     ax.semilogx(response.omega, decibels(response.rigid), "k:", label="rigid wing")
-    ax.set(xlabel=r"$\omega$", ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)")
+    ax.set(xlabel=r"$\omega c/U$", ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)")
     ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.legend(frameon=False, fontsize="small")
     return ax
@@ -67,8 +67,11 @@ def plot_rational_fit(fit: RationalFit) -> Figure:
     ax.loglog(response.omega, errors.max(axis=1), color="k", label="largest")
     ax.axvspan(*fit.band, color="C0", alpha=0.1, label="band")
     ax.set_title("relative error of the columns")
+    ax.set_ylabel("error / size")
     ax.legend(fontsize="small")
     for ax in panels[-1]:
-        ax.set_xlabel("omega c/U")
-    figure.suptitle("|G - G(0)| / omega: data (points) and ROM (lines)")
+        ax.set_xlabel(r"$\omega c/U$")
+    for ax in panels[: 1 + (shown - 1) // 3, 0]:
+        ax.set_ylabel(r"$|G - G(0)| \,/\, \omega$")
+    figure.suptitle("data (points) and ROM (lines), a panel a motion")
     return figure

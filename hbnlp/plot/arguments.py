@@ -1,4 +1,4 @@
-"""What is drawn and where: results by the names of their types, which this room does not import, and axes."""
+"""What is drawn and where: results by the names of their types, which this room does not import, and axes' words."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import is_color_like
 
 from hbnlp.core.checks import instance_of, refused, text
+from hbnlp.core.quantities import quantities_of
 
 
 def result(name: str, value: Any, *kinds: str) -> None:
@@ -33,3 +34,16 @@ def check_color(color: Any, more: str = "") -> None:
     """Raise a ValueError that names what was given unless matplotlib draws in it; None is its own choice."""
     if color is not None and not is_color_like(color):
         raise refused(ValueError, "color", color, f"a colour of matplotlib, such as 'tab:red'{more}")
+
+
+def axis(record: Any, name: str) -> str:
+    """Return what stands beside an axis for a parameter or output: its label, and its unit."""
+    known = quantities_of(record)
+    unit = known.unit(name)
+    return f"{known.label(name)} ({unit})" if unit else known.label(name)
+
+
+def modulus(label: str) -> str:
+    """Return a label between bars, within the dollars of matplotlib's mathematics if it is all mathematics."""
+    is_mathematics = label.startswith("$") and label.endswith("$") and label.count("$") == 2
+    return f"$|{label[1:-1]}|$" if is_mathematics else f"|{label}|"

@@ -7,9 +7,11 @@ import os
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 
-from hbnlp.core.checks import instance_of, interval, real_number, whole_number
+from hbnlp.core.checks import flag, instance_of, interval, real_number, whole_number
 from hbnlp.core.types import Array
 from hbnlp.plot.arguments import axes, result
 from hbnlp.plot.film import film_name, write_film
@@ -32,6 +34,7 @@ def plot_vorticity(
     levels: int = 2,
     x: tuple[float, float] | None = None,
     y: tuple[float, float] | None = None,
+    bar: bool = True,
 ) -> Axes:
     """Draw vorticity and body in axes fixed in space.
 
@@ -47,6 +50,8 @@ def plot_vorticity(
         Number of grid levels to show.
     x, y : tuple of float, optional
         Part of the plane to show; default the outermost level shown.
+    bar : bool
+        Whether a bar beside the axes tells the colours.
 
     Returns
     -------
@@ -56,9 +61,12 @@ def plot_vorticity(
     result("snapshot", snapshot, "Snapshot")
     real_number("limit", limit, above=0.0)
     whole_number("levels", levels, least=1)
+    flag("bar", bar)
     x, y = (None if given is None else interval(name, given) for name, given in (("x", x), ("y", y)))
     ax = axes(ax, figsize=(8.0, 4.5))
     bands = np.linspace(-limit, limit, _STEPS)
+    if bar:
+        _tell_colours(ax, limit)
     shown = min(levels, len(snapshot.vorticity))
     for level in reversed(range(shown)):
         px, py = _in_space(snapshot, snapshot.x[level], snapshot.y[level])
@@ -69,7 +77,7 @@ def plot_vorticity(
     ax.set(
         xlim=x or (px.min(), px.max()), ylim=y or (py.min(), py.max()), aspect="equal", xlabel="$x/c$", ylabel="$y/c$"
     )
-    ax.set_title(f"vorticity, $tU/c = {snapshot.time:.2f}$")
+    ax.set_title(f"$tU/c = {snapshot.time:.2f}$")
     return ax
 
 
@@ -104,10 +112,11 @@ def animate(
         raise ValueError("there are no snapshots; collect some with dns.Snapshots(every=...) as the callback of run")
     figure = Figure(figsize=(7.0, 4.0), dpi=80, layout="constrained")
     ax = figure.subplots()
+    _tell_colours(ax, limit)
 
     def draw(k: int) -> None:
         ax.clear()
-        plot_vorticity(snapshots[k], ax, limit=limit, x=x, y=y)
+        plot_vorticity(snapshots[k], ax, limit=limit, x=x, y=y, bar=False)
 
     write_film(path, figure, draw, len(snapshots), frames_per_second=frames_per_second)
 
@@ -118,9 +127,16 @@ def plot_loads(history: History, ax: Axes | None = None) -> Axes:
     ax = axes(ax)
     ax.plot(history.load_time, history.lift, label="$C_L$")
     ax.plot(history.load_time, history.drag, label="$C_D$")
-    ax.set(xlabel="$tU/c$")
+    ax.set(xlabel="$tU/c$", ylabel="load coefficients")
     ax.legend()
     return ax
+
+
+def _tell_colours(ax: Axes, limit: float) -> None:
+    """Draw the bar that tells the colours of vorticity, which saturate at its ends."""
+    scale = ScalarMappable(BoundaryNorm(np.linspace(-limit, limit, _STEPS), 256), "RdBu_r")
+    ticks = np.linspace(-limit, limit, 5)
+    ax.figure.colorbar(scale, ax=ax, label="vorticity $c/U$", extend="both", ticks=ticks, format="%g", shrink=0.8)
 
 
 def _in_space(snapshot: Snapshot, x: Array, y: Array) -> tuple[Array, Array]:

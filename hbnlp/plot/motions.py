@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from hbnlp.core.checks import flag
+from hbnlp.core.quantities import quantities_of
 from hbnlp.core.types import Array
 from hbnlp.fourier import basis_derivatives, to_real
-from hbnlp.plot.arguments import axes, result
+from hbnlp.plot.arguments import axes, axis, modulus, result
 
 if TYPE_CHECKING:
     from hbnlp.solutions.solution import Solution
@@ -68,7 +69,7 @@ def plot_phase(solution: Solution, output: str, *, ax: Axes | None = None, **opt
     told = "once a forcing period"
     label = None if told in ax.get_legend_handles_labels()[1] else told
     ax.plot(values[TIMES:], rates[TIMES:], "o", color=line.get_color(), label=label)
-    ax.set(xlabel=output, ylabel=f"rate of {output}")
+    ax.set(xlabel=axis(solution, output), ylabel=f"rate of {quantities_of(solution).label(output)}")
     ax.legend(frameon=False)
     return ax
 
@@ -97,7 +98,9 @@ def plot_harmonics(
     ax.bar(multiples, amplitudes, **{"width": 0.7 / solution.periods, **options})
     if logarithmic:
         ax.set_yscale("log")
-    ax.set(xlabel=r"frequency $/\,\omega$", ylabel=f"|{output}|")
+    unit = quantities_of(solution).unit(output)
+    size = modulus(quantities_of(solution).label(output))
+    ax.set(xlabel=r"frequency $/\,\omega$", ylabel=f"{size} ({unit})" if unit else size)
     if len(amplitudes) <= MOST_LABELLED * 2 and solution.periods == 1:
         ax.set_xticks(multiples)
     return ax
@@ -112,4 +115,4 @@ def draw_signal(ax: Axes, solution: Solution, output: str, **style: Any) -> None
     """Draw an output over the period of a solution."""
     phases = over_period(solution)
     ax.plot(phases, solution.signal(output, 2.0 * np.pi / solution.omega * phases), **style)
-    ax.set(xlabel="forcing periods", ylabel=output, xlim=(0.0, solution.periods))
+    ax.set(xlabel="forcing periods", ylabel=axis(solution, output), xlim=(0.0, solution.periods))

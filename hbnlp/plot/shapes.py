@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from hbnlp.core.checks import finite_array, flag, instance_of, whole_number
@@ -28,6 +28,8 @@ WING = {"alpha", "z", "midchord", "W1"}
 """Outputs by which a membrane wing is known, whose displacements are amplitudes of sin(k pi x)."""
 PLACES = 201
 """Points along the chord."""
+CYCLIC = ListedColormap(0.8 * plt.get_cmap("twilight_shifted")(np.linspace(0.0, 1.0, 256))[:, :3], "phase")
+"""Colours of a phase, the same at its end as at its beginning, none of them lost on white."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def plot_shape(
     ax: Axes | None = None,
     **options: Any,
 ) -> Axes:
-    """Draw the shape at equal steps of a period, from dark to light, and the mean shape dotted.
+    """Draw the shape at equal steps of a period, in the colour of its phase, and the mean shape dotted.
 
     Parameters
     ----------
@@ -95,7 +97,7 @@ def plot_shape(
     drawn = _heights(solution, shapes, phases, in_space=in_space)
     mean = _heights(solution, shapes, over_period(solution)[:-1], in_space=in_space).mean(axis=1)
     ax = axes(ax)
-    scale = ScalarMappable(Normalize(0.0, solution.periods), "viridis")
+    scale = ScalarMappable(Normalize(0.0, solution.periods), CYCLIC)
     for shape, phase in zip(drawn.T, phases, strict=True):
         ax.plot(shapes.x, shape, **{"color": scale.to_rgba(phase), "linewidth": 1.3, **shapes.style, **options})
     ax.plot(shapes.x, mean, "k:", linewidth=1.3, label="mean")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hbnlp.core.kept import built_once
+from hbnlp.core.quantities import Quantities
 from hbnlp.core.sending import FieldsAlone
 from hbnlp.core.types import Array
 from hbnlp.systems.parameters import ParameterSet
@@ -40,6 +41,7 @@ class Definition(FieldsAlone):
         Those of the user.
     angles : tuple of int
         Numbers of the displacements that count modulo 2 pi.
+    quantities : Quantities
     """
 
     name: str
@@ -54,6 +56,7 @@ class Definition(FieldsAlone):
     outputs: ca.Function
     symmetries: tuple[Symmetry, ...]
     angles: tuple[int, ...]
+    quantities: Quantities
 
     @built_once
     def content(self) -> bytes:

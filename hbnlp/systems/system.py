@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from hbnlp.core.checks import finite_array, position, refused, text
 from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.kept import Kept, built_once, by_one_thread
+from hbnlp.core.quantities import quantities
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
 from hbnlp.systems.calling import called
@@ -75,6 +76,9 @@ class System:
     angles : sequence of str or int, optional
         Displacements that count modulo 2 pi, by name or number from 0. Where angles only turn together, as those of
         pendulums on a common spring, take their differences as coordinates.
+    labels, units : mapping of names of parameters and outputs to texts, optional
+        What stands on axes in the place of a name, and in which unit: ``labels={"x": "deflection"}``,
+        ``units={"x": "mm", "omega": "rad/s"}``. Tables have them as attributes; a pure number's unit is "1".
     name : str
         Used in the repr, in plots and in saved files.
 
@@ -87,12 +91,14 @@ class System:
     TypeError
         For a function of other arguments than its own.
     KeyError
-        For an angle that is no displacement.
+        For an angle that is no displacement, a label or unit of what is no parameter or output.
 
     Attributes
     ----------
     outputs : casadi.Function
         (q, q', q'', x, tau, p) -> all outputs in the order of ``output_names``.
+    quantities : Quantities
+        Labels and units.
 
     Notes
     -----
@@ -137,6 +143,8 @@ class System:
         lag_motion: ArrayLike | None = None,
         symmetries: Sequence[Symmetry] = (),
         angles: Sequence[str | int] = (),
+        labels: Mapping[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
         name: str = "system",
     ) -> None:
         text("name", name)
@@ -203,6 +211,7 @@ class System:
                 outputs=signals,
                 symmetries=list_of_symmetries(symmetries, n),
                 angles=angle_positions(angles, names_of_displacements(signals, tuple(rules)), n),
+                quantities=quantities(labels, units, (*known.names, *rules)),
             )
         )
         if self.symmetries or self.angles:
@@ -213,7 +222,7 @@ class System:
         self.name, self.parameters, self.output_names = definition.name, definition.parameters, definition.output_names
         self.lag_state, self.lag_input = definition.lag_state, definition.lag_input
         self.lag_motion = definition.lag_motion
-        self.outputs = definition.outputs
+        self.outputs, self.quantities = definition.outputs, definition.quantities
         self.symmetries, self.angles = definition.symmetries, definition.angles
         self.p, self.tau = ca.SX.sym("p", len(self.parameters.names)), ca.SX.sym("tau")
         matrices = definition.matrices.call([self.p])

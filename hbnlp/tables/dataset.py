@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
@@ -41,8 +42,11 @@ def dataset(table: Table) -> xarray.Dataset:
         variable = found.pop(column)
         coordinates[variable.dimensions[0]] = variable
     for column, name in table.coordinates.items():
-        coordinates[f"parameter_{name}" if name in taken else name] = found.pop(column)
-    told = {"kind": table.layout.kind, "hbnlp_version": version("hbnlp"), "units": UNITS}
+        along = found.pop(column)
+        about = {**along.about, **table.quantities.attributes(name)}
+        coordinates[f"parameter_{name}" if name in taken else name] = dataclasses.replace(along, about=about)
+    units = {f"units_{name}": unit for name, unit in table.quantities.units.items()}
+    told = {"kind": table.layout.kind, "hbnlp_version": version("hbnlp"), "units": UNITS, **units}
     return xarray.Dataset(
         {name: (v.dimensions, v.values, v.about) for name, v in found.items()},
         {name: (v.dimensions, v.values, v.about) for name, v in coordinates.items()},

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hbnlp.core.layout import Layout
+from hbnlp.core.quantities import Quantities, quantities_of
 from hbnlp.core.records import content_of
 from hbnlp.core.storage import as_text
 
@@ -27,6 +28,8 @@ class Table:
     axes : tuple of names of columns
         The columns that are coordinates of their own dimension, and called as it is.
     labels : mapping of dimensions to their labels
+    quantities : Quantities
+        Labels and units of parameters and outputs, as far as the system has them.
     """
 
     layout: Layout
@@ -35,6 +38,7 @@ class Table:
     coordinates: Mapping[str, str]
     axes: tuple[str, ...]
     labels: Mapping[str, Sequence[str]]
+    quantities: Quantities
 
 
 def table_of(
@@ -66,4 +70,5 @@ def table_of(
         coordinates=coordinates or {},
         axes=axes,
         labels=labels or {},
+        quantities=quantities_of(record),
     )

@@ -38,7 +38,7 @@ class Tabular(ABC):
             others; a parameter that varies is a coordinate along them (of no index: it may turn). ``displacements``
             stands for the coefficients: complex harmonics (..., dof, harmonic), ``a_0`` and ``a_{2h-1} - i a_{2h}``,
             nan where a point has fewer. All else that is known, each other parameter, units and the version of hbnlp
-            are attributes.
+            are attributes; ``units_x`` is the unit of the output or parameter x, if the system has one.
 
         Raises
         ------

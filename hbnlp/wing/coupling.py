@@ -29,6 +29,7 @@ from hbnlp.systems.definition import Definition
 from hbnlp.systems.expressions import Output
 from hbnlp.systems.parameters import ParameterSet
 from hbnlp.systems.system import System
+from hbnlp.wing.labels import labels_and_units
 from hbnlp.wing.membrane import Membrane
 from hbnlp.wing.validity import DEGREES, Validity, ValidityLimits, validity
 
@@ -212,12 +213,21 @@ heave_amplitude=0, heave_phase=0, omega=?
             if name not in (*values, "omega"):
                 raise KeyError(unknown_name("parameter", name, (*values, "omega")))
         _warn_of_degrees(parameters or {})
+    own = tuple(values)  # a user's motion may have others, in whatever unit
     values |= parameters or {}
 
     frame = _frame_inertia(n)
     static = rom.base_load - rom.stiffness @ rom.base_motion
     lift = {"C_L": _lift(rom, float(static[0])), "tension": lambda s: membrane.tension(s.q, s.p)}
     midchord = ca.DM(membrane.shape([0.5]))
+    outputs = {
+        **lift,
+        "midchord": lambda s: midchord @ s.q,
+        "alpha": lambda s: s.u[0],
+        "z": lambda s: s.u[1],
+        "alpha_acceleration": lambda s: s.ddu[0],
+        **{f"W{k + 1}": _amplitude(k) for k in range(n)},
+    }
     return MembraneWing(
         membrane,
         rom,
@@ -228,14 +238,7 @@ heave_amplitude=0, heave_phase=0, omega=?
         nonlinear_force=lambda q, v, tau, p: membrane.nonlinear_force(q, p),
         forcing=lambda tau, p: static[1:],
         parameters=ParameterSet(values, least=LEAST),
-        outputs={
-            **lift,
-            "midchord": lambda s: midchord @ s.q,
-            "alpha": lambda s: s.u[0],
-            "z": lambda s: s.u[1],
-            "alpha_acceleration": lambda s: s.ddu[0],
-            **{f"W{k + 1}": _amplitude(k) for k in range(n)},
-        },
+        outputs=outputs,
         lag_state=rom.lag_state,
         lag_input=rom.lag_input[:, 2:],
         lag_output=rom.lag_output[1:],
@@ -244,6 +247,7 @@ heave_amplitude=0, heave_phase=0, omega=?
         input_damping=rom.damping[1:, :2],
         input_mass=lambda p: ca.DM(rom.mass[1:, :2]) + 2.0 * p.mass_ratio * ca.DM(frame),
         lag_motion=rom.lag_input[:, :2],
+        **labels_and_units(("omega", *own, *outputs), n),
         name="membrane wing",
     )
 

@@ -1,5 +1,6 @@
 """Drawings: what is in them, where they go, and that nothing is shown unasked."""
 
+import copy
 import dataclasses
 
 import casadi as ca
@@ -138,6 +139,31 @@ def test_axes_are_labelled_with_parameter_output_and_harmonic(branch):
     assert in_force.plot("x").get_xlabel() == "force"
 
 
+def test_axes_have_the_labels_and_units_that_a_system_is_given():
+    system = System(
+        1.0,
+        0.1,
+        1.0,
+        forcing=lambda tau, p: [p.force * ca.cos(tau)],
+        parameters={"force": 1.0, "omega": 0.5},
+        labels={"x": "deflection"},
+        units={"x": "mm", "omega": "rad/s", "force": "N"},
+    )
+    problem = HarmonicBalance(copy.deepcopy(system), 1)
+    ax = trace(problem, "omega", (0.5, 0.6), stability=None).plot("x")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\omega$ (rad/s)", "|deflection| (mm, harmonic 1)")
+    in_force = trace(problem, "force", (1.0, 2.0), stability=None)
+    assert in_force.plot("x").get_xlabel() == "force (N)"
+    assert in_force.solution(0).plot("x").get_ylabel() == "deflection (mm)"
+    told = in_force.to_xarray()
+    assert told.force.attrs["units"] == "N"
+    assert told.attrs["units_x"] == "mm"
+    with pytest.raises(KeyError, match="unknown parameter or output 'y'"):
+        System(1.0, 0.1, 1.0, units={"y": "mm"})
+    with pytest.raises(TypeError, match=r"units\['x'\] is 3; give a text"):
+        System(1.0, 0.1, 1.0, units={"x": 3})
+
+
 def test_a_mean_is_drawn_with_its_sign():
     """x'' + .1 x' + x + .2 x^3 = -.5 + F cos tau: about the real root of x^3 + 5 x + 2.5, -.478138."""
     system = System(
@@ -202,7 +228,11 @@ def test_lift_per_pitching_acceleration_is_drawn_over_the_logarithm_of_frequency
     _, ax = plt.subplots()
     ax.set_xscale("log")
     response.plot("C_L", ax=ax, per="alpha_acceleration", decibels=True)
-    assert ax.get_ylabel() == "|C_L| / |alpha_acceleration| (harmonic 1, dB)"
+    assert ax.get_xlabel() == r"$\omega c/U$"
+    assert ax.get_ylabel() == r"$|C_L|$ / $|\alpha''|$ (harmonic 1, dB)"
+    assert response.plot("alpha", harmonic=0).get_ylabel() == r"mean of $\alpha$ (rad)"
+    loaded = dataclasses.replace(response, problem=None)
+    assert (loaded.plot("C_L").get_xlabel(), loaded.plot("C_L").get_ylabel()) == (r"$\omega$", "|C_L| (harmonic 1)")
     ratio = np.abs(response.harmonics("C_L")[:, 1]) / (0.01 * response.parameter**2)
     (line,) = lines(ax, dashed=False)
     drawn = line.get_ydata()[np.isin(line.get_xdata(), response.parameter)]
@@ -265,8 +295,9 @@ def test_a_fold_curve_is_drawn_in_its_plane_with_its_events(branch):
     ax = curve.plot()
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\omega$", "force")
     assert legend(ax) == ["folds", "cusp"]
-    np.testing.assert_array_equal(ax.get_lines()[0].get_xdata(), curve.first)
     (event,) = curve.cusps
+    drawn = set(zip(ax.get_lines()[0].get_xdata(), ax.get_lines()[0].get_ydata(), strict=True))
+    assert drawn >= {*zip(curve.first, curve.second, strict=True), (event.first, event.second)}
     drawn = [line for line in ax.get_lines() if line.get_marker() == EVENT_MARKERS[event.kind][0]]
     assert (drawn[0].get_xdata()[0], drawn[0].get_ydata()[0]) == (event.first, event.second)
     _, given = plt.subplots()
