@@ -45,9 +45,9 @@ def each_of(
         If a worker cannot unpickle the function.
     """
     if executor is None:
-        for number, argument in enumerate(arguments):
-            take(number, function(argument))
-            yield number
+        for i, argument in enumerate(arguments):
+            take(i, function(argument))
+            yield i
         return
     calls = _Calls(function, arguments, executor)
     try:

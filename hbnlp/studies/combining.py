@@ -1,4 +1,4 @@
-"""Results of many points as one Dataset: what each has by names and dimensions, side by side along those of the grid."""
+"""Results of many points as one Dataset: what each has by names and dimensions, side by side along the grid."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _ACCEPTED = (
 
 def combined(study: Study, extract: Callable[[Any], Any] | None) -> xarray.Dataset:
     """Return the results of a study as one Dataset: see `Study.to_xarray`."""
-    xarray = from_extra("xarray", "tables", "a Dataset")
+    package = from_extra("xarray", "tables", "a Dataset")
     there = [i for i, done in enumerate(study.done) if done and i not in study.errors]
-    tables = {i: _as_dataset(xarray, extract(study[i]) if extract else study[i]) for i in there}
+    tables = {i: _as_dataset(package, extract(study[i]) if extract else study[i]) for i in there}
     along = (CASE,) if study.over is None else study.names
     taken = {*along, *study.names, "error"}
     tables = {i: table.rename(_apart(table, taken)) for i, table in tables.items()}
@@ -56,19 +56,19 @@ def combined(study: Study, extract: Callable[[Any], Any] | None) -> xarray.Datas
         told = np.array([str(study.errors.get(i, "")) for i in range(len(study))])
         data["error"] = (along, told.reshape(study.shape), {"long_name": "why there is no result"})
     known = {str(name) for table in tables.values() for name in table.coords if name not in labels}
-    return xarray.Dataset(data, coordinates, _in_common(study, tables)).set_coords(sorted(known & data.keys()))
+    return package.Dataset(data, coordinates, _in_common(study, tables)).set_coords(sorted(known & data.keys()))
 
 
-def _as_dataset(xarray: Any, result: Any) -> xarray.Dataset:
+def _as_dataset(package: Any, result: Any) -> xarray.Dataset:
     """Return one result as a Dataset."""
     if isinstance(result, Tabular):
         return result.to_xarray()
-    if isinstance(result, xarray.Dataset):
+    if isinstance(result, package.Dataset):
         return result
-    if isinstance(result, xarray.DataArray):
+    if isinstance(result, package.DataArray):
         return result.to_dataset(name=result.name or RESULT)
     named = result if isinstance(result, Mapping) else {RESULT: result}
-    return xarray.Dataset({_name(name): _variable(_name(name), value) for name, value in named.items()})
+    return package.Dataset({_name(name): _variable(_name(name), value) for name, value in named.items()})
 
 
 def _name(name: Any) -> str:
@@ -121,7 +121,7 @@ def _side_by_side(
     kinds = {"text" if array.dtype.kind == "U" else "number" for array in arrays.values()}
     if len(kinds) > 1 or any(part.dims != first.dims for part in parts.values()):
         raise ValueError(
-            f"the results have no common form: {name!r} is of other dimensions, or kind, at some points than at others; "
+            f"the results have no common form: {name!r} is of other dimensions, or kind, at some points; "
             "give extract=, a function that makes of each result what they have in common"
         )
     shape = tuple(sizes[d] for d in dims)
@@ -151,11 +151,7 @@ def _in_common(study: Study, tables: Mapping[int, xarray.Dataset]) -> dict[str, 
     shared = {
         name: value
         for name, value in first.items()
-        if all(name in each and _equal(each[name], value) for each in others)
+        if all(name in each and np.array_equal(each[name], value) for each in others)
     }
     own = {"kind": "study", "task": study.task["function"], "hbnlp_version": version("hbnlp")}
     return {**shared, **own, "study_message": study.message}
-
-
-def _equal(one: Any, other: Any) -> bool:
-    return bool(np.array_equal(one, other))

@@ -63,6 +63,6 @@ def attempted(task: Task, point: Mapping[str, Value]) -> Any:
 
 
 def call(task: Task, point: Mapping[str, Value]) -> Any:
-    """Call a task with the values of a point, and those that a `functools.partial` has for other names in its ``at``."""
+    """Call a task with the values of a point, and those of other names that a `functools.partial` has in its ``at``."""
     fixed = task.keywords.get("at") if isinstance(task, functools.partial) else None
     return task(at={**(fixed or {}), **point})

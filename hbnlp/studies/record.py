@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, final
@@ -19,8 +20,8 @@ from hbnlp.tables.netcdf import netcdf_name, write_netcdf
 if TYPE_CHECKING:
     import xarray
 
-SHOWN = 4
-"""Names of a study that its summary shows."""
+SHOWN, LONGEST = 4, 160
+"""Values of a name that the summary of a study shows, and characters of a line of it."""
 
 
 @final
@@ -169,14 +170,12 @@ class Study(ReadOnlyArrays):
 
     def __repr__(self) -> str:
         shape = " x ".join(map(str, self.shape))
-        lines = [f"Study of {self.task['function']} at {shape} points"]
-        lines += [f"  {name}: {_summary([point[name] for point in self.points])}" for name in self.names[:SHOWN]]
-        more = len(self.names) - SHOWN
-        first = next(iter(self.errors.items()), None)
-        failed = "" if first is None else f"; the first at {self.points[first[0]]}: {_line(str(first[1]))}"
-        return "\n".join(
-            [*lines, *([f"  and {counted(more, 'name')} more"] if more > 0 else []), f"  {self.message}{failed}"]
-        )
+        names = [f"{name}: {_summary([point[name] for point in self.points])}" for name in self.names]
+        lines = [f"Study of {self.task['function']} at {shape} points", "; ".join(names), self.message]
+        if self.errors:
+            number, failure = next(iter(self.errors.items()))
+            lines.append(f"first failure at {self.points[number]}: {failure}")
+        return "\n  ".join(textwrap.shorten(line, LONGEST, placeholder=" ...") for line in lines)
 
 
 def study_of(task: Mapping[str, Any], points: Points, found: Mapping[int, Any], ending: str = "") -> Study:
@@ -199,10 +198,6 @@ def study_of(task: Mapping[str, Any], points: Points, found: Mapping[int, Any], 
 def _summary(values: list[Value]) -> str:
     distinct = [*dict.fromkeys(values)]
     if len(distinct) > SHOWN and not any(isinstance(value, str) for value in distinct):
-        return f"{len(distinct)} values from {min(distinct):g} to {max(distinct):g}"  # type: ignore[type-var]
+        return f"{len(distinct)} values from {min(distinct):g} to {max(distinct):g}"
     shown = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in distinct[:SHOWN])
     return shown + (", ..." if len(distinct) > SHOWN else "")
-
-
-def _line(text: str) -> str:
-    return text if len(text) <= 100 else f"{text[:100]} ..."

@@ -38,10 +38,10 @@ def study(
     Parameters
     ----------
     task : callable
-        Called as ``task(at=point)`` with a dict of values by name, as the verbs of hbnlp are: one of these with the rest
-        of its arguments, ``functools.partial(hbnlp.trace, problem, "omega", (0.3, 3.0))``, or a function ``def
-        task(at)`` that makes what it needs of the values. What a partial has in its own ``at=`` stays, the point's
-        values beside it.
+        Called as ``task(at=point)`` with a dict of values by name, as the verbs of hbnlp are: one of these with the
+        rest of its arguments, ``functools.partial(hbnlp.trace, problem, "omega", (0.3, 3.0))``, or a function
+        ``def task(at)`` that makes what it needs of the values. What a partial has in its own ``at=`` stays, the
+        point's values beside it.
     over : mapping of names to sequences, or sequence of mappings
         Values along each direction of a grid, whose last name varies fastest; or the points one by one. Numbers, texts,
         True and False.

@@ -9,11 +9,11 @@ import logging
 import os
 import pickle
 import re
+import sys
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-
 
 from hbnlp.aero.frequency_response import FrequencyResponse
 from hbnlp.aero.rom import AeroROM
@@ -53,11 +53,15 @@ def described(task: Callable[..., Any]) -> dict[str, Any]:
     """
     if isinstance(task, functools.partial):
         inner = described(task.func)
-        arguments = {**dict(enumerate(task.args)), **task.keywords}
-        more = {str(name): _described(value) for name, value in arguments.items()}
+        arguments = [*enumerate(task.args), *task.keywords.items()]
+        more = {str(name): _described(value) for name, value in arguments}
         return {"function": inner["function"], "arguments": {**inner["arguments"], **more}}
     named = task if hasattr(task, "__qualname__") else type(task)
-    return {"function": f"{named.__module__}.{named.__qualname__}", "arguments": {}}
+    place, name = str(named.__module__), str(named.__qualname__)
+    package = __name__.partition(".")[0]
+    if getattr(sys.modules[package], name, None) is named:  # hbnlp.trace, wherever it is defined
+        place = package
+    return {"function": f"{place}.{name}", "arguments": {}}
 
 
 def _described(value: Any) -> str:
@@ -215,8 +219,8 @@ def _read_study(path: Path) -> dict[str, Any]:
         found = json.loads(file.read_text(encoding="utf-8"))
         if found["kind"] != "study" or found["format"] > FORMAT:
             raise LoadError(
-                f"{str(file)!r} is of kind {found['kind']!r} and format {found['format']!r}; this version of hbnlp reads "
-                f"studies up to format {FORMAT}"
+                f"{str(file)!r} is of kind {found['kind']!r} and format {found['format']!r}; "
+                f"this version of hbnlp reads studies up to format {FORMAT}"
             )
         if not {"task", "over"} <= found.keys():
             raise ValueError("it lacks its task or its points")
