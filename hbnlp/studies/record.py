@@ -131,8 +131,8 @@ class Study(ReadOnlyArrays):
         netcdf_name("path", path)
         write_netcdf(self.to_xarray(extract), path)
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write all results to a folder, as ``hbnlp.study(..., folder=folder)`` does; it is new, or of this study.
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write all results to a folder, as ``hbnlp.study(..., folder=path)`` does; it is new, or of this study.
 
         Raises
         ------
@@ -143,18 +143,20 @@ class Study(ReadOnlyArrays):
         SaveError
             (An `OSError`.) If it cannot be written.
         """
-        kept = Folder(folder, self.task, Points(self.over, self.points))
+        file_name("path", path)
+        kept = Folder(path, self.task, Points(self.over, self.points))
         for number, result in enumerate(self.results):
             if self.done[number]:
                 kept.keep(number, self.errors.get(number, result))
 
     @classmethod
-    def load(cls, folder: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Study:
+    def load(cls, path: str | os.PathLike[str], *, problem: HarmonicBalance | None = None) -> Study:
         """Return what a folder has of a study.
 
         Parameters
         ----------
-        folder : path-like
+        path : path-like
+            The folder.
         problem : HarmonicBalance, optional
             That of the records in it, if they have one in common.
 
@@ -163,10 +165,10 @@ class Study(ReadOnlyArrays):
         LoadError
             (A `ValueError`.) If it is no folder of a study.
         """
-        file_name("folder", folder)
+        file_name("path", path)
         instance_of("problem", problem, HarmonicBalance | None, "the HarmonicBalance(system, ...) of the records")
-        task, points = read_study(folder)
-        return study_of(task, points, read_results(folder, problem))
+        task, points = read_study(path)
+        return study_of(task, points, read_results(path, problem))
 
     def __repr__(self) -> str:
         shape = " x ".join(map(str, self.shape))

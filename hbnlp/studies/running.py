@@ -11,7 +11,7 @@ from typing import Any
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.core.callbacks import Callbacks
-from hbnlp.core.checks import instance_of, list_of_callables
+from hbnlp.core.checks import file_name, instance_of, list_of_callables
 from hbnlp.core.errors import SaveError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.many import each_of
@@ -76,6 +76,8 @@ def study(
     list_of_callables("callbacks", callbacks)
     points = Points.of(over)
     about = described(task)
+    if folder is not None:
+        file_name("folder", folder)
     kept = None if folder is None else Folder(folder, about, points)
     found = {} if kept is None else kept.found(_problem_of(task))
     known = {i: outcome for i, outcome in found.items() if i < len(points.all) and not isinstance(outcome, Failure)}

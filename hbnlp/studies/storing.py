@@ -20,7 +20,6 @@ from hbnlp.aero.rom import AeroROM
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.fold_curves import FoldBranch
-from hbnlp.core.checks import file_name
 from hbnlp.core.errors import LoadError, SaveError
 from hbnlp.core.files import write_text
 from hbnlp.core.storage import as_text, refuse_irregular, refused_as_unreadable
@@ -93,7 +92,6 @@ class Folder:
     """
 
     def __init__(self, path: str | os.PathLike[str], task: Mapping[str, Any], points: Points) -> None:
-        file_name("folder", path)
         self._path, self._is_there = Path(path), False
         over = points.grid if points.grid is not None else list(points.all)
         self._about = {"task": task, "over": over}
