@@ -162,6 +162,8 @@ class Study(ReadOnlyArrays):
 
         Raises
         ------
+        FileNotFoundError
+            If there is no such folder.
         LoadError
             (A `ValueError`.) If it is no folder of a study.
         """

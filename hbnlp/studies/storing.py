@@ -160,6 +160,8 @@ def read_study(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Points]:
 
     Raises
     ------
+    FileNotFoundError
+        If there is no such folder.
     LoadError
         If it is no folder of a study, or does not say so any more.
     """
@@ -208,6 +210,7 @@ def _read(file: Path, kind: str, problem: HarmonicBalance | None) -> Any:
 
 def _read_study(path: Path) -> dict[str, Any]:
     file = path / _STUDY
+    path.stat()  # raises a FileNotFoundError, as loading a record does
     if not file.is_file():
         raise LoadError(
             f"{str(path)!r} is not the folder of a study: it has no {_STUDY}; give one that is new or empty"

@@ -27,7 +27,7 @@ class Recording(Executor):
     def __init__(self, worker_of):
         self.calls, self._worker_of = [], worker_of
 
-    def submit(self, function, call):
+    def submit(self, _answered, call):
         self.calls.append(call)
         future = Future()
         worker = self._worker_of(len(self.calls))

@@ -104,7 +104,7 @@ def test_results_without_a_common_form_are_refused():
 
 def test_a_study_of_which_nothing_is_done_is_a_dataset_of_its_grid():
     def fail(at):
-        raise ValueError("no")
+        raise ValueError(at["n"])
 
     values = table(fail, {"n": [1, 2]})
     assert [*values.data_vars] == ["error"]

@@ -47,7 +47,7 @@ def test_more_points_than_workers_come_back_in_order_from_a_function_of_this_fil
 
 
 def test_a_study_that_is_stopped_cancels_what_has_not_begun(executor):
-    def stop(progress):
+    def stop(_):
         raise hbnlp.StopTracing
 
     with warnings.catch_warnings():

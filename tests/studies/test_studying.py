@@ -154,8 +154,8 @@ def test_a_folder_of_another_study_is_refused_and_says_why(problem, tmp_path):
     before = sorted(path.name for path in (tmp_path / "a").iterdir())
     with pytest.raises(ValueError, match="belongs to another study, with other points"):
         hbnlp.study(task, over={"force": [0.1, 0.3]}, folder=tmp_path / "a")
+    other = functools.partial(hbnlp.solve, problem, at={"omega": 0.8})
     with pytest.raises(ValueError, match=r"with other arguments of hbnlp\.solve: at"):
-        other = functools.partial(hbnlp.solve, problem, at={"omega": 0.8})
         hbnlp.study(other, over={"force": [0.1, 0.2]}, folder=tmp_path / "a")
     with pytest.raises(ValueError, match=r"with the task hbnlp\.solve, not jobs\.own"):
         hbnlp.study(jobs.own, over={"force": [0.1, 0.2]}, folder=tmp_path / "a")
@@ -165,6 +165,8 @@ def test_a_folder_of_another_study_is_refused_and_says_why(problem, tmp_path):
     with pytest.raises(hbnlp.LoadError, match="not the folder of a study"):
         hbnlp.study(task, over={"force": [0.1, 0.2]}, folder=tmp_path / "b")
     with pytest.raises(hbnlp.LoadError, match="not the folder of a study"):
+        hbnlp.Study.load(tmp_path / "b")
+    with pytest.raises(FileNotFoundError):
         hbnlp.Study.load(tmp_path / "nothing")
 
 
@@ -230,7 +232,7 @@ def test_a_study_in_memory_is_saved_as_one_with_a_folder_is(tmp_path):
 # -- Ctrl-C ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_task_that_was_interrupted_is_not_taken_for_done(problem, tmp_path, caplog):
+def test_a_task_that_was_interrupted_is_not_taken_for_done(problem, tmp_path):
     task = functools.partial(jobs.interrupted, problem)
     study = hbnlp.study(task, over={"force": [0.1, 0.2, 0.3]}, folder=tmp_path)
     assert study.done == (True, False, False)
