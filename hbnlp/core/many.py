@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
@@ -69,7 +69,7 @@ class _Calls:
         self._function, self._arguments, self._executor = function, arguments, executor
         self._shared = isinstance(executor, ThreadPoolExecutor)
         self._token, self._content = (b"", b"") if self._shared else packed(function)
-        self._tickets, self._asked, self._refusals = itertools.count(), set[tuple[str, int]](), Counter[int]()
+        self._asked, self._refusals = set[tuple[str, int]](), Counter[int]()
         self.pending: dict[Future[Answer], int] = {}
         self.ended: SimpleQueue[Future[Answer]] = SimpleQueue()
 
@@ -103,7 +103,7 @@ class _Calls:
             future = self._executor.submit(_here, self._function, argument)
         else:
             content = self._content if carrying else None
-            future = self._executor.submit(answered, Call(self._token, content, argument, next(self._tickets)))
+            future = self._executor.submit(answered, Call(self._token, content, argument, uuid.uuid4().hex))
         self.pending[future] = number
         future.add_done_callback(self.ended.put)
 

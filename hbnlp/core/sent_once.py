@@ -32,14 +32,14 @@ class Call:
     function : bytes or None
         The function, pickled; None for a worker that knows it.
     argument : object
-    ticket : int
-        Which of all calls it is. Dask takes calls that are equal for one.
+    ticket : str
+        Which of all calls it is, today and ever. Dask takes calls that are equal for one, and may know the answer.
     """
 
     token: bytes
     function: bytes | None
     argument: Any
-    ticket: int
+    ticket: str
 
 
 @dataclass(frozen=True)

@@ -56,3 +56,9 @@ def test_a_study_that_is_stopped_cancels_what_has_not_begun(executor):
             jobs.slow_first, over={"number": [i / 10 for i in range(30)]}, executor=executor, callbacks=[stop]
         )
     assert 1 <= sum(study.done) < 30
+
+
+def test_a_study_that_is_made_again_is_done_again(executor):
+    once, again = ([*hbnlp.study(lambda at: at["n"] + np.random.default_rng().random(), over={"n": [1, 2]}, executor=executor)]
+                   for _ in range(2))  # fmt: skip
+    assert not {*once} & {*again}
