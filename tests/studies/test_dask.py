@@ -59,6 +59,8 @@ def test_a_study_that_is_stopped_cancels_what_has_not_begun(executor):
 
 
 def test_a_study_that_is_made_again_is_done_again(executor):
-    once, again = ([*hbnlp.study(lambda at: at["n"] + np.random.default_rng().random(), over={"n": [1, 2]}, executor=executor)]
-                   for _ in range(2))  # fmt: skip
+    def draw(at):
+        return at["n"] + np.random.default_rng().random()
+
+    once, again = (hbnlp.study(draw, over={"n": [1, 2]}, executor=executor) for _ in range(2))
     assert not {*once} & {*again}
