@@ -37,6 +37,7 @@ READING_ORDER = {
         "own_equations",
         "absorber_isola",
         "mass_chain",
+        "study_of_dampings",
         "choose_harmonics",
     ),
     "flow": ("dns_cylinder", "coupled_dns_vs_harmonic_balance"),
