@@ -2,9 +2,9 @@
 
 For a pool of spawned processes, and for a cluster of Dask on this machine if that is installed: the bytes that are sent
 with the task and with a point, the time that a task costs which does nothing once the workers have a wing of ten modes,
-by the clock and in CPU of the process that makes the study, and the time of tasks of a second by one worker and by two. The ratio is printed for tasks that compute for a second of
-CPU, which takes longer where the machine has other work, and for tasks that wait for a second, which does not. Run it
-from the root of the repository, on two free cores::
+by the clock and in CPU of the process that makes the study, and the time of tasks of a second by one worker and by two.
+The ratio is printed for tasks that compute for a second of CPU, which takes longer where the machine has other work,
+and for tasks that wait for a second, which does not. Run it from the root of the repository, on two free cores::
 
     python benchmarks/study.py
 """

@@ -361,7 +361,7 @@ def examples():
         },
         "find_all": {
             "problem": w.problem, "at": point, "method": hbnlp.Search(n_starts=0, largest_load=0.0), "rng": None,
-            "known": (), "callbacks": (),
+            "known": (), "executor": None, "callbacks": (),
         },
         "floquet": {"solution": w.solution, "method": None},
         "follow": {

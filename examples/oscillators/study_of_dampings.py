@@ -10,8 +10,8 @@ A beam on two pins in 20 modes, stretched by its own bending and shaken at three
     \qquad k = 1 \ldots 20,\; g = 0.5,\; F = 0.1.
 
 `hbnlp.study` traces its first resonance at 50 damping ratios, by a pool of two processes, each of which is sent the
-problem once. The branches, of which none has as many points as its neighbour, are one Dataset of xarray, labelled by the
-damping ratio.
+problem once. The branches, of which none has as many points as its neighbour, are one Dataset of xarray, labelled by
+the damping ratio.
 
 At resonance the force makes up for what the damper takes: :math:`2 \zeta \omega a = F \sin(0.3 \pi)` for the amplitude
 a of the first mode, up to the other modes and harmonics. Up to :math:`\zeta = 0.052` the branch folds.

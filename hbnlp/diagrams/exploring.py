@@ -96,8 +96,8 @@ def explore(
     events : mapping of names to functions, optional
         What to look for along all branches, as for `hbnlp.trace`.
     executor : concurrent.futures.Executor, optional
-        Traces branches side by side; the diagram is the same. Other processes can be sent the functions of events that
-        a module defines, no lambdas.
+        Traces branches side by side, and runs the starts of searches; the diagram is the same. Other processes can be
+        sent the functions of events that a module defines, no lambdas.
     callbacks : sequence of callables
         Called after each point, or with an executor after each branch; one that raises `StopTracing` ends it, as Ctrl-C
         does, with all there is so far.
@@ -231,7 +231,7 @@ class _Explorer:
         yield from self._crossing(0)
         for value in values:
             at = {**first.parameters, self._pattern.name: float(value)}
-            for number, motion in enumerate(find_all(self._problem, at=at, method=search)):
+            for number, motion in enumerate(find_all(self._problem, at=at, method=search, executor=self._executor)):
                 begin = len(self._branches)
                 if branch_through(motion, self._branches, FOUND) is None:
                     yield from self._both_ways(Origin(value=float(value), side=number), motion)
