@@ -48,7 +48,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "gallery_pages.reading_order",
     "filename_pattern": r"\.py$",  # every example is run, and nowhere else: this is its test
     "abort_on_example_error": True,
-    "reset_modules": ("matplotlib", "gallery_pages.warnings_are_errors"),
+    "reset_modules": ("matplotlib", "gallery_pages.warnings_are_errors", "gallery_pages.processes_are_spawned"),
     "image_scrapers": ("gallery_pages.whole_figure",),
     # always in processes of their own, so that their warnings' filter is not Sphinx's
     "parallel": min(4, max(2, os.cpu_count() or 2)),

@@ -4,6 +4,7 @@
 examples import this module and never read conf.py.
 """
 
+import multiprocessing
 import warnings
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ READING_ORDER = {
         "own_equations",
         "absorber_isola",
         "mass_chain",
+        "study_of_dampings",
         "choose_harmonics",
     ),
     "flow": ("dns_cylinder", "coupled_dns_vs_harmonic_balance"),
@@ -57,6 +59,11 @@ def warnings_are_errors(gallery_conf: dict[str, Any], script: str) -> None:  # n
     """Make each warning of the example that follows an error, as it is one in a test."""
     warnings.simplefilter("error")
     warnings.simplefilter("ignore", ValidityWarning)  # the paper's wing is beyond its limits by far: its page says so
+
+
+def processes_are_spawned(gallery_conf: dict[str, Any], script: str) -> None:  # noqa: ARG001  Sphinx-Gallery's signature
+    """Let the example that follows start processes: joblib's way to start the one it runs in is not known to others."""
+    multiprocessing.set_start_method("spawn", force=True)
 
 
 def whole_figure(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:

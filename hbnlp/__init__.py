@@ -54,6 +54,9 @@ from hbnlp.solutions.solving import solve
 from hbnlp.solutions.truncation import truncation_error
 from hbnlp.stability.multipliers import floquet
 from hbnlp.stability.result import Floquet, FloquetResult
+from hbnlp.studies.outcomes import Failure
+from hbnlp.studies.record import Study
+from hbnlp.studies.running import study
 from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.sweeps.sweeping import sweep
 from hbnlp.systems.linear_stability import eigenvalues, stability_limits
@@ -80,6 +83,7 @@ __all__ = [
     "CornerError",
     "Diagram",
     "End",
+    "Failure",
     "Floquet",
     "FloquetResult",
     "FoldBranch",
@@ -109,6 +113,7 @@ __all__ = [
     "SpecialPoint",
     "Status",
     "StopTracing",
+    "Study",
     "Sweep",
     "Symmetry",
     "System",
@@ -136,6 +141,7 @@ __all__ = [
     "same_motion",
     "solve",
     "stability_limits",
+    "study",
     "sweep",
     "switch_branch",
     "systems",

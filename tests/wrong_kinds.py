@@ -92,6 +92,7 @@ RESULTS = {
     *("Branch", "Diagram", "End", "FloquetResult", "FoldBranch", "FoldEvent", "Kind", "Progress", "ProgressBar"),
     *("Solution", "SolutionSet", "SpecialPoint", "Status", "Sweep", "TimeResponse", "TimeSweep", "Optimum", "Response"),
     *("Identified", "RationalFit", "Realisation", "History", "LinearResponse", "Snapshot", "StepResponse", "Structure"),
+    *("Failure", "Study"),
 }
 """What the package makes and users do not: not called themselves, though their methods are."""
 
@@ -103,6 +104,7 @@ INNER = {
     *("HarmonicBalance.with_enough_samples", "Branch.of_parts"),
     *("System.state_matrices", "Solution.with_coefficients", "Solution.image", "Tracer.branch"),
     *("HarmonicBalance.output_harmonics", "aero.Provenance.warn_outside_band", "dns.History.of", "dns.Snapshot.of"),
+    "Failure.of",
     *("dns.Grid.cell", "dns.Grid.check_inside", "dns.Grid.nodes", "dns.Simulation.restore"),
 }
 LAWS = re.compile(
@@ -207,6 +209,7 @@ def world():
     w.branch = hbnlp.trace(w.problem, "omega", (0.9, 1.4), stability=None)
     w.fold = w.branch.folds[0]
     w.diagram = hbnlp.explore(w.problem, "omega", (0.9, 1.4), depth=0)
+    w.study = hbnlp.study(functools.partial(hbnlp.solve, w.problem), over={"omega": [0.7, 0.8]})
     w.curve = hbnlp.follow(w.fold, "force", span=(0.17, 0.19))
     w.sweep = hbnlp.sweep(w.problem, "omega", [0.7, 0.8])
     w.time_sweep = hbnlp.sweep(w.system, "omega", [0.7, 0.71], periodic_tol=1e-3)
@@ -317,6 +320,10 @@ def examples():
         "SolutionSet.plot": {"self": w.found, "output": "x", "ax": None},
         "SolutionSet.save": {"self": w.found, "path": "no such folder/file"},
         "SolutionSet.to_netcdf": {"self": w.found, "path": "no such folder/file"},
+        "Study.load": {"path": "no such folder", "problem": None},
+        "Study.save": {"self": w.study, "path": "no such folder/study"},
+        "Study.to_netcdf": {"self": w.study, "path": "no such folder/file", "extract": None},
+        "Study.to_xarray": {"self": w.study, "extract": None},
         "Symmetry": {"matrix": [[-1.0]], "shift": np.pi, "name": "odd"},
         "ValidityLimits": {"camber": 0.1, "tension_error": 0.1, "beyond_band": 0.1, "incidence": 0.2},
         "Symmetry.identity": {"n_dof": 1},
@@ -357,7 +364,7 @@ def examples():
         },
         "find_all": {
             "problem": w.problem, "at": point, "method": hbnlp.Search(n_starts=0, largest_load=0.0), "rng": None,
-            "known": (), "callbacks": (),
+            "known": (), "executor": None, "callbacks": (),
         },
         "floquet": {"solution": w.solution, "method": None},
         "follow": {
@@ -388,6 +395,10 @@ def examples():
             "subject": w.system, "name": "omega", "values": [0.8], "at": {"force": 0.18}, "method": None, "start": None,
             "callbacks": (), "n_harmonics": 1, "periods": 1, "max_periods": 2000, "periodic_tol": 1e-2,
             "find_jumps": False,
+        },
+        "study": {
+            "task": functools.partial(hbnlp.solve, w.problem), "over": [point], "executor": None, "folder": None,
+            "callbacks": (),
         },
         "switch_branch": {"point": w.fold, "step": 0.02},
         "truncation_error": {"solution": w.solution},

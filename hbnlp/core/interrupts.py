@@ -32,6 +32,8 @@ class Interrupts:
         self._handler: Callable[[int, FrameType | None], object] = signal.default_int_handler
         self._noted: BaseException | None = None
         self._at_once = self._leaving = False
+        self.arrived = 0
+        """How many there were while work was under way, whatever became of them."""
 
     @property
     def noted(self) -> bool:
@@ -126,6 +128,7 @@ class Interrupts:
 
     def _arrived(self, number: int, frame: FrameType | None) -> None:
         """Ask the handler that was there what it makes of the signal; an exception is what has to wait."""
+        self.arrived += 1
         waits = self._leaving or (self._noted is None and not self._at_once)
         try:
             self._handler(number, frame)

@@ -106,8 +106,8 @@ def explore(
     events : mapping of names to functions, optional
         What to look for along all branches, as for `hbnlp.trace`.
     executor : concurrent.futures.Executor, optional
-        Traces branches side by side; the diagram is the same. Other processes can be sent the functions of events that
-        a module defines, no lambdas.
+        Traces branches side by side, and runs the starts of searches; the diagram is the same. Other processes can be
+        sent the functions of events that a module defines, no lambdas.
     callbacks : sequence of callables
         Called after each point, or with an executor after each branch; one that raises `StopTracing` ends it, as Ctrl-C
         does, with all there is so far.
@@ -255,7 +255,8 @@ class _Explorer:
             yield from self._beside(number, motion)
         for value in values:
             at = {**first.parameters, self._pattern.name: float(value)}
-            for number, motion in enumerate(find_all(self._problem, at=at, method=search), len(known)):
+            found = find_all(self._problem, at=at, method=search, executor=self._executor)
+            for number, motion in enumerate(found, len(known)):
                 yield from self._beside(number, motion)
 
     def _at_ends(self, first: Solution) -> list[Solution]:

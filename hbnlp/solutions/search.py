@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, UNDER_WAY, Ending, Report, drive
 from hbnlp.core.types import Array
+from hbnlp.solutions.ahead import Ahead
 from hbnlp.solutions.cold_start import linear_guess
 from hbnlp.solutions.deflation import deflated_newton
 from hbnlp.solutions.equations import along_load
@@ -81,6 +84,7 @@ def find_all(
     method: Search | None = None,
     rng: np.random.Generator | None = None,
     known: Sequence[Solution] = (),
+    executor: Executor | None = None,
     callbacks: Callbacks = (),
 ) -> SolutionSet:
     """Return the solutions at one parameter point that a search finds, smallest first.
@@ -108,6 +112,9 @@ def find_all(
         Solutions at this point that are known already; they are among the result. A set that a search of this problem
         at this point returned, in memory or from a file, is gone on with: none of its starts is made again, ``rng`` is
         brought to where it was then, and what is found is what one search would have found.
+    executor : concurrent.futures.Executor, optional
+        Runs the random starts that follow, before it is their turn. What is found is the same: as most starts find
+        nothing, little of this is in vain.
     callbacks : sequence of callables
         Called after each start with a `Progress`; one that raises `StopTracing` ends the search, as Ctrl-C does, with
         the solutions found so far.
@@ -123,7 +130,7 @@ def find_all(
         For a parameter that is not known, or has no value; a set of another system; a generator of another kind than
         that of the set.
     TypeError
-        For a problem, method, generator or callbacks of another kind.
+        For a problem, method, generator, executor or callbacks of another kind.
     NonFiniteError
         If the force or its derivative is not finite at rest, and nothing is found.
     TaskError
@@ -136,12 +143,13 @@ def find_all(
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     instance_of("method", method, Search | None, "hbnlp.Search(...)")
     instance_of("rng", rng, np.random.Generator | None, "a Generator, numpy.random.default_rng(seed)")
+    instance_of("executor", executor, Executor | None, "a concurrent.futures.Executor")
     list_of_callables("callbacks", callbacks)
     list_of("known", known, Solution, "a list of solutions, [solution]")
     if at is None and isinstance(known, SolutionSet):
         at = known.parameters
     values = problem.values(at)
-    work = _Run(problem, values, method or Search(), rng, known)
+    work = _Run(problem, values, method or Search(), rng, known, executor)
     warn_of = problem.system.warn_of
     found = drive("searching", work.steps(), work.result, name="start", callbacks=callbacks, warn_of=warn_of)
     if not found:
@@ -162,8 +170,10 @@ class _Run:
         options: Search,
         rng: np.random.Generator | None,
         known: Sequence[Solution],
+        executor: Executor | None,
     ) -> None:
         self._problem, self._values, self._options, self._known = problem, values, options, known
+        self._ahead = None if executor is None else Ahead(executor)
         self._motions = Motions(problem, values, options.newton, options.separation)
         self._late: list[Solution] = []  # of a start that was not over: it is made again
         self._tried, self._searched, self._place, self._n_spurious = 0, 0, 0, 0
@@ -192,9 +202,13 @@ class _Run:
         if scale is None:
             scale = self._first()
             yield self._done(0, scale)
-        for start in range(self._tried + 1, self._options.n_starts + 1):
-            self._run(_random(self._motions.searched, scale, self._options, self._rng), "random start")
-            yield self._done(start, scale)
+        try:
+            for start in range(self._tried + 1, self._options.n_starts + 1):
+                self._run_at_random(scale, self._options.n_starts - start)
+                yield self._done(start, scale)
+        finally:
+            if self._ahead is not None:
+                self._ahead.drop()
 
     def _first(self) -> float:
         """Add the known solutions and a cold start, and return the size of the largest."""
@@ -217,11 +231,33 @@ class _Run:
                 nudge = np.exp(rng.uniform(-7.0, -1.0)) * np.linalg.norm(vector) * rng.standard_normal(vector.size)
                 self._run(vector + nudge / np.sqrt(vector.size), "deflation")
 
-    def _run(self, start: Array, how: str) -> None:
-        options, motions = self._options, self._motions
-        root = deflated_newton(motions.searched, self._values, start, motions.poles(), options.max_iterations)
+    def _run_at_random(self, scale: float, left: int) -> None:
+        """Run from a random start, of which so many are left."""
+        draw = partial(_random, self._motions.searched, scale, self._options)
+        start = draw(self._rng)
+        if self._ahead is None:
+            self._run(start, "random start")
+            return
+        n_known = len(self._motions.roots) + len(self._motions.spurious)
+        root = self._ahead.run(start, self._away(), draw, self._rng, n_known=n_known, left=left)
         if root is not None:
-            motions.polish_root(root, how)
+            self._motions.polish_root(root, "random start")
+
+    def _run(self, start: Array, how: str) -> None:
+        root = self._away()(start)
+        if root is not None:
+            self._motions.polish_root(root, how)
+
+    def _away(self) -> Callable[[Array], Array | None]:
+        """Return what leads from a start to a root that is not known."""
+        motions = self._motions
+        return partial(
+            deflated_newton,
+            motions.searched,
+            self._values,
+            known=motions.poles(),
+            max_iterations=self._options.max_iterations,
+        )
 
     def _done(self, start: int, scale: float) -> Report:
         """Search around what is new, keep where the search is then, and say it."""
