@@ -421,7 +421,9 @@ def examples():
             "variables": w.variables, "responses": [w.at_response], "objective": w.variables["force"], "bounds": None,
             "data": None, "method": None, "expand": True,
         },
-        "design.Program.solve": {"self": w.program, "start": {"force": 0.2}, "data": (), "throw": True},
+        "design.Program.solve": {
+            "self": w.program, "start": {"force": 0.2}, "near": None, "data": (), "throw": True,
+        },
         "design.Response.symbol": {"self": w.at_response, "name": "omega"},
         "design.Variables": {"bounds": {"force": (0.1, 0.2)}},
         "design.fold_at": {"problem": w.problem, "variables": w.variables, "fold": w.fold, "name": "omega"},
@@ -431,7 +433,8 @@ def examples():
             "harmonic": 1,
         },
         "identification.Identification.fit": {
-            "self": w.identification, "measured": [0.4, 0.3], "start": {"force": 0.2}, "noise": 0.01,
+            "self": w.identification, "measured": [0.4, 0.3], "start": {"force": 0.2}, "near": None, "weights": None,
+            "noise": 0.01,
         },
         "systems.chain": {"n_masses": 2, "damping": 0.1, "cubic": 1.0, "force": 1.0},
         "systems.duffing": {"damping_ratio": 0.1, "cubic": 1.0, "force": 1.0},
