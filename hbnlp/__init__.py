@@ -56,6 +56,7 @@ from hbnlp.stability.multipliers import floquet
 from hbnlp.stability.result import Floquet, FloquetResult
 from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.sweeps.sweeping import sweep
+from hbnlp.systems.describing import describing_function
 from hbnlp.systems.linear_stability import eigenvalues, stability_limits
 from hbnlp.systems.symmetry import Symmetry
 from hbnlp.systems.system import System
@@ -119,6 +120,7 @@ __all__ = [
     "ValidityLimits",
     "ValidityWarning",
     "aero",
+    "describing_function",
     "design",
     "eigenvalues",
     "explore",

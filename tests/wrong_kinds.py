@@ -91,7 +91,7 @@ HARMLESS = {
 RESULTS = {
     *("Branch", "Diagram", "End", "FloquetResult", "FoldBranch", "FoldEvent", "Kind", "Progress", "ProgressBar"),
     *("Solution", "SolutionSet", "SpecialPoint", "Status", "Sweep", "TimeResponse", "TimeSweep", "Optimum", "Response"),
-    *("Identified", "RationalFit", "Realisation", "History", "LinearResponse", "Snapshot", "StepResponse", "Structure"),
+    *("Identified", "MeasuredFit", "RationalFit", "Realisation", "History", "LinearResponse", "Snapshot", "StepResponse", "Structure"),
 }
 """What the package makes and users do not: not called themselves, though their methods are."""
 
@@ -228,6 +228,9 @@ def world():
     w.identification = identification.Identification(
         w.variables, w.problem, [({"omega": 0.8}, w.solution), ({"omega": 0.7}, w.sweep.solution(0))], "x"
     )
+    w.measurements = identification.Measurements([0.6, 0.7, 0.8], [0.29, 0.37, 0.51])
+    w.measured_fit = identification.identify(w.problem, w.variables, w.measurements, "x", start={"force": 0.18})
+    w.identified = w.measured_fit.identified
     w.grid = dns.Grid.around_plate(cells=8, levels=1)
     w.steady = dns.Simulation(w.grid, dns.SharpPlate(n_modes=2)).state()
     w.simulation, w.running = (dns.Simulation(w.grid, dns.SharpPlate(n_modes=2)) for _ in range(2))
@@ -435,6 +438,21 @@ def examples():
         "identification.Identification.fit": {
             "self": w.identification, "measured": [0.4, 0.3], "start": {"force": 0.2}, "near": None, "weights": None,
             "noise": 0.01,
+        },
+        "describing_function": {"force": lambda q, v: q**3, "amplitude": [0.5, 1.0], "bias": 0.1, "omega": 1.0},
+        "identification.Identified.confidence": {"self": w.identified, "level": 0.9},
+        "identification.MeasuredFit.confidence": {"self": w.measured_fit, "level": 0.9},
+        "identification.Measurements": {
+            "omega": [0.7, 0.8], "amplitude": [0.3, 0.4], "way": ["up", ""], "lines": [2, 3],
+        },
+        "identification.Measurements.from_csv": {
+            "path": "no such file", "omega": "omega", "amplitude": "amplitude", "way": None, "omega_unit": 1.0,
+            "amplitude_unit": 1.0,
+        },
+        "identification.Measurements.named": {"self": w.measurements, "index": 0},
+        "identification.identify": {
+            "problem": w.problem, "variables": w.variables, "measurements": w.measurements, "output": "x",
+            "start": {"force": 0.2}, "harmonic": 1, "at": None, "noise": 0.01, "threshold": 4.0, "span": (0.5, 1.5),
         },
         "systems.chain": {"n_masses": 2, "damping": 0.1, "cubic": 1.0, "force": 1.0},
         "systems.duffing": {"damping_ratio": 0.1, "cubic": 1.0, "force": 1.0},

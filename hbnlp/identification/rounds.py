@@ -32,7 +32,7 @@ MAD = 1.4826
 """Standard deviation of a normal distribution over the median of its moduli."""
 AT_FOLD = 2.0
 """A measurement is at a fold where its amplitude differs from the fold's by so many standard deviations or fewer."""
-AT_END = 1e-3
+AT_END = 0.02
 """A measurement this near to the end of its part, in parts of the measured range, may be what holds that end there."""
 
 
@@ -82,23 +82,22 @@ class Rounds:
 
     def until_settled(self, start: Mapping[str, float]) -> Outcome:
         """Return the fit from which on nothing changes."""
-        values, count = start, 0
-        assignment = self._assigned(self._traced(values)[1])
+        count, done = 0, None
+        assignment = self._assigned(self._traced(start)[1])
         while True:
             count += 1
-            done = self._round(assignment, values)
-            values = done.found.values
-            branch, parts = self._traced(values)
-            logger.info("round %d: %s, %d left out", count, values, np.count_nonzero(~done.used))
+            done = self._round(assignment, start if done is None else done.found.values)
             self._barred |= done.assignment.beyond & ~done.used  # its part was let reach there, and still it is wrong
+            branch, parts = self._traced(done.found.values)
             assignment = self._assigned(parts)
-            held = self._wrongly_held(done, assignment)
-            settled = held is None and self._agrees(done, assignment)
+            freed = self._freed(done, assignment)
+            settled = freed is None and self._agrees(done, assignment)
+            logger.info("round %d: %s, %d left out", count, done.found.values, np.count_nonzero(~done.used))
             if settled or count == ROUNDS:
                 return self._outcome(done, branch, assignment, count if settled else None)
-            if held is not None:
-                self._barred[held] = True
-                assignment = self._assigned(parts)
+            if freed is not None:
+                done = freed
+                assignment = self._assigned(self._traced(done.found.values)[1])
 
     def _traced(self, values: Mapping[str, float]) -> tuple[Branch, list[Part]]:
         task, at = self._task, {**self._task.at, **values}
@@ -172,26 +171,30 @@ class Rounds:
         off = ~self._within(again.own - self._measured.amplitude, done.scale)
         return bool(same.all() and not again.beyond.any() and off[~done.used].all())
 
-    def _wrongly_held(self, done: Fitted, again: Assignment) -> int | None:
-        """Return a measurement that holds the end of its part where it is, against the others, if there is one.
+    def _freed(self, done: Fitted, again: Assignment) -> Fitted | None:
+        """Return a better fit without a measurement that holds the end of its part where it is, if there is one.
 
         At a fold no values near by have a solution at its frequency: its equations, not its residual, keep the fold
         from where the others would have it.
         """
         omega, width = self._measured.omega, float(np.ptp(self._measured.omega))
-        for index in np.flatnonzero(done.used):
+        misfits = np.abs(again.amplitudes - self._measured.amplitude)
+        for index in map(int, np.flatnonzero(done.used & ~self._barred)):
             part = again.parts[again.labels[index]]
             ends = min(abs(omega[index] - part.omega[0]), abs(omega[index] - part.omega[-1]))
-            others = [k for k in np.flatnonzero(~np.isnan(again.amplitudes[:, index])) if k != again.labels[index]]
-            if ends > AT_END * width or not others:
+            elsewhere = misfits[:, index].copy()
+            elsewhere[again.labels[index]] = np.nan
+            near = ends <= AT_END * width or done.assignment.beyond[index]
+            if not near or np.isnan(elsewhere).all():
                 continue
             try:
-                freed = self._robust(again.relabelled(int(index), int(others[0])), done.found.values)
+                freed = self._robust(again.relabelled(index, int(np.nanargmin(elsewhere))), done.found.values)
             except ConvergenceError:
                 continue
             scale = min(done.scale, freed.scale)
             if self._cost(freed, scale) < self._cost(done, scale):
-                return int(index)
+                self._barred[index] = True
+                return freed
         return None
 
     def _cost(self, done: Fitted, scale: float) -> float:
