@@ -91,7 +91,17 @@ HARMLESS = {
 RESULTS = {
     *("Branch", "Diagram", "End", "FloquetResult", "FoldBranch", "FoldEvent", "Kind", "Progress", "ProgressBar"),
     *("Solution", "SolutionSet", "SpecialPoint", "Status", "Sweep", "TimeResponse", "TimeSweep", "Optimum", "Response"),
-    *("Identified", "MeasuredFit", "RationalFit", "Realisation", "History", "LinearResponse", "Snapshot", "StepResponse", "Structure"),
+    *(
+        "Identified",
+        "MeasuredFit",
+        "RationalFit",
+        "Realisation",
+        "History",
+        "LinearResponse",
+        "Snapshot",
+        "StepResponse",
+        "Structure",
+    ),
 }
 """What the package makes and users do not: not called themselves, though their methods are."""
 
@@ -103,6 +113,7 @@ INNER = {
     *("HarmonicBalance.with_enough_samples", "Branch.of_parts"),
     *("System.state_matrices", "Solution.with_coefficients", "Solution.image", "Tracer.branch"),
     *("HarmonicBalance.output_harmonics", "aero.Provenance.warn_outside_band", "dns.History.of", "dns.Snapshot.of"),
+    "identification.Identification.described",
     *("dns.Grid.cell", "dns.Grid.check_inside", "dns.Grid.nodes", "dns.Simulation.restore"),
 }
 LAWS = re.compile(
@@ -205,6 +216,7 @@ def world():
     w.solution = hbnlp.solve(w.problem, at={"omega": 0.8})
     w.found = hbnlp.find_all(w.problem, at={"omega": 0.8}, method=hbnlp.Search(n_starts=0, largest_load=0.0))
     w.branch = hbnlp.trace(w.problem, "omega", (0.9, 1.4), stability=None)
+    w.floquet = hbnlp.floquet(w.solution)
     w.fold = w.branch.folds[0]
     w.diagram = hbnlp.explore(w.problem, "omega", (0.9, 1.4), depth=0)
     w.curve = hbnlp.follow(w.fold, "force", span=(0.17, 0.19))
@@ -306,6 +318,9 @@ def examples():
         "Solution.harmonics": {"self": w.solution, "output": "x"},
         "Solution.load": {"path": "no such file", "problem": None},
         "Solution.animate": {"self": w.solution, "path": "no such folder/film.gif"},
+        "FloquetResult.to_netcdf": {"self": w.floquet, "path": "no such folder/file"},
+        "TimeResponse.plot": {"self": w.response, "output": "x", "ax": None},
+        "dns.History.to_netcdf": {"self": w.history, "path": "no such folder/file"},
         "Solution.plot": {"self": w.solution, "output": "x", "ax": None},
         "Solution.plot_harmonics": {"self": w.solution, "output": "x", "ax": None},
         "Solution.plot_phase": {"self": w.solution, "output": "x", "ax": None},
@@ -520,6 +535,8 @@ def examples():
         "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None},
         "plot.plot_lift_response": {"response": w.lifts, "ax": None},
         "plot.plot_loads": {"history": w.history, "ax": None},
+        "plot.plot_response": {"response": w.response, "output": "x", "ax": None},
+        "plot.plot_measured_fit": {"fit": w.measured_fit},
         "plot.plot_rational_fit": {"fit": w.fit},
         "plot.plot_solutions": {"found": w.found, "output": "x", "ax": None},
         "plot.plot_sweep": {

@@ -12,7 +12,7 @@ in rounds: the branch is traced, each row given to the stable part that it lies 
     \min_{Eh,\, \delta_0,\, x_i} \; \tfrac12 \sum_i w_i \left( a(x_i) - a_i \right)^2
     \quad \text{s.t.} \quad R(x_i; \omega_i, Eh, \delta_0) = 0 ,
 
-with weights :math:`w_i` of the soft l1 loss first, then zero for rows that are four standard deviations off or more [1]_.
+with weights :math:`w_i` of the soft l1 loss first, then none for rows that are four standard deviations off [1]_.
 
 .. [1] P. J. Rousseeuw, A. M. Leroy, *Robust Regression and Outlier Detection*, Wiley (1987), section 1.2.
 """

@@ -182,7 +182,7 @@ def identify(
     instance_of("measurements", measurements, Measurements, "Measurements(omega, amplitude), or from a table, from_csv")
     instance_of("start", start, Mapping, "a mapping of the variables to values")
     position("output", output, problem.system.output_names)
-    whole_number("harmonic", harmonic, least=1)
+    whole_number("harmonic", harmonic, least=1, most=problem.n_harmonics, advice=", which are retained")
     real_number("threshold", threshold, least=2.0, advice=", in standard deviations")
     if noise is not None:
         real_number("noise", noise, above=0.0, advice=", or None to have it estimated")

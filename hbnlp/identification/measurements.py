@@ -13,7 +13,17 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbnlp.core.checks import counted, file_name, finite_numbers, instance_of, list_of, real_number, refused, text
+from hbnlp.core.checks import (
+    counted,
+    file_name,
+    finite_numbers,
+    instance_of,
+    list_of,
+    place,
+    real_number,
+    refused,
+    text,
+)
 from hbnlp.core.errors import LoadError
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.storage import refuse_irregular, refused_as_unreadable
@@ -114,8 +124,8 @@ class Measurements(ReadOnlyArrays):
             amplitude negative: it names line, column and value, and says what to do.
         """
         file_name("path", path)
-        for argument, given in (("omega", omega), ("amplitude", amplitude), ("way", way or "")):
-            text(argument, given)
+        text("omega", omega)
+        text("amplitude", amplitude)
         instance_of("way", way, str | None, "the name of a column, or None")
         factors = {}
         for argument, unit in (("omega_unit", omega_unit), ("amplitude_unit", amplitude_unit)):
@@ -153,6 +163,7 @@ class Measurements(ReadOnlyArrays):
 
     def named(self, index: int) -> str:
         """Return what a measurement is called: its line in the file, or its number from 0, with its values."""
+        index = place("index", index, len(self))
         where = f"line {self.lines[index]}" if self.lines else f"number {index}"
         way = f", {self.way[index]}" if self.way[index] else ""
         return f"{where} (omega {self.omega[index]:.6g}, amplitude {self.amplitude[index]:.4g}{way})"

@@ -8,7 +8,7 @@ from hbnlp.plot.aero import plot_lift_response, plot_rational_fit
 from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_diagram, plot_fold_curve, plot_sweep
 from hbnlp.plot.flow import animate, plot_loads, plot_vorticity
 from hbnlp.plot.measured import plot_measured_fit
-from hbnlp.plot.motions import plot_harmonics, plot_phase, plot_signal, plot_solutions
+from hbnlp.plot.motions import plot_harmonics, plot_phase, plot_response, plot_signal, plot_solutions
 from hbnlp.plot.shapes import animate_solution, plot_shape
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "plot_measured_fit",
     "plot_phase",
     "plot_rational_fit",
+    "plot_response",
     "plot_shape",
     "plot_signal",
     "plot_solutions",
