@@ -34,6 +34,7 @@ READING_ORDER = {
         "time_integration_vs_harmonic_balance",
         "design_prestrain",
         "identify_membrane",
+        "identify_from_table",
     ),
     "oscillators": (
         "duffing_hysteresis",

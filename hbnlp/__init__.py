@@ -59,6 +59,7 @@ from hbnlp.studies.record import Study
 from hbnlp.studies.running import study
 from hbnlp.sweeps.records import Sweep, TimeSweep
 from hbnlp.sweeps.sweeping import sweep
+from hbnlp.systems.describing import describing_function
 from hbnlp.systems.linear_stability import eigenvalues, stability_limits
 from hbnlp.systems.symmetry import Symmetry
 from hbnlp.systems.system import System
@@ -124,6 +125,7 @@ __all__ = [
     "ValidityLimits",
     "ValidityWarning",
     "aero",
+    "describing_function",
     "design",
     "eigenvalues",
     "explore",

@@ -92,7 +92,7 @@ RESULTS = {
     *("Branch", "Diagram", "End", "FloquetResult", "FoldBranch", "FoldEvent", "Kind", "Progress", "ProgressBar"),
     *("Solution", "SolutionSet", "SpecialPoint", "Status", "Sweep", "TimeResponse", "TimeSweep", "Optimum", "Response"),
     *("Identified", "RationalFit", "Realisation", "History", "LinearResponse", "Snapshot", "StepResponse", "Structure"),
-    *("Failure", "Study"),
+    *("Failure", "MeasuredFit", "Study"),
 }
 """What the package makes and users do not: not called themselves, though their methods are."""
 
@@ -105,6 +105,7 @@ INNER = {
     *("System.state_matrices", "Solution.with_coefficients", "Solution.image", "Tracer.branch"),
     *("HarmonicBalance.output_harmonics", "aero.Provenance.warn_outside_band", "dns.History.of", "dns.Snapshot.of"),
     "Failure.of",
+    "identification.Identification.described",
     *("dns.Grid.cell", "dns.Grid.check_inside", "dns.Grid.nodes", "dns.Simulation.restore"),
 }
 LAWS = re.compile(
@@ -207,6 +208,7 @@ def world():
     w.solution = hbnlp.solve(w.problem, at={"omega": 0.8})
     w.found = hbnlp.find_all(w.problem, at={"omega": 0.8}, method=hbnlp.Search(n_starts=0, largest_load=0.0))
     w.branch = hbnlp.trace(w.problem, "omega", (0.9, 1.4), stability=None)
+    w.floquet = hbnlp.floquet(w.solution)
     w.fold = w.branch.folds[0]
     w.diagram = hbnlp.explore(w.problem, "omega", (0.9, 1.4), depth=0)
     w.study = hbnlp.study(functools.partial(hbnlp.solve, w.problem), over={"omega": [0.7, 0.8]})
@@ -231,6 +233,9 @@ def world():
     w.identification = identification.Identification(
         w.variables, w.problem, [({"omega": 0.8}, w.solution), ({"omega": 0.7}, w.sweep.solution(0))], "x"
     )
+    w.measurements = identification.Measurements([0.6, 0.7, 0.8], [0.29, 0.37, 0.51])
+    w.measured_fit = identification.identify(w.problem, w.variables, w.measurements, "x", start={"force": 0.18})
+    w.identified = w.measured_fit.identified
     w.grid = dns.Grid.around_plate(cells=8, levels=1)
     w.steady = dns.Simulation(w.grid, dns.SharpPlate(n_modes=2)).state()
     w.simulation, w.running = (dns.Simulation(w.grid, dns.SharpPlate(n_modes=2)) for _ in range(2))
@@ -308,6 +313,9 @@ def examples():
         "Solution.harmonics": {"self": w.solution, "output": "x"},
         "Solution.load": {"path": "no such file", "problem": None},
         "Solution.animate": {"self": w.solution, "path": "no such folder/film.gif"},
+        "FloquetResult.to_netcdf": {"self": w.floquet, "path": "no such folder/file"},
+        "TimeResponse.plot": {"self": w.response, "output": "x", "ax": None},
+        "dns.History.to_netcdf": {"self": w.history, "path": "no such folder/file"},
         "Solution.plot": {"self": w.solution, "output": "x", "ax": None},
         "Solution.plot_harmonics": {"self": w.solution, "output": "x", "ax": None},
         "Solution.plot_phase": {"self": w.solution, "output": "x", "ax": None},
@@ -435,7 +443,9 @@ def examples():
             "variables": w.variables, "responses": [w.at_response], "objective": w.variables["force"], "bounds": None,
             "data": None, "method": None, "expand": True,
         },
-        "design.Program.solve": {"self": w.program, "start": {"force": 0.2}, "data": (), "throw": True},
+        "design.Program.solve": {
+            "self": w.program, "start": {"force": 0.2}, "near": None, "data": (), "throw": True,
+        },
         "design.Response.symbol": {"self": w.at_response, "name": "omega"},
         "design.Variables": {"bounds": {"force": (0.1, 0.2)}},
         "design.fold_at": {"problem": w.problem, "variables": w.variables, "fold": w.fold, "name": "omega"},
@@ -445,7 +455,23 @@ def examples():
             "harmonic": 1,
         },
         "identification.Identification.fit": {
-            "self": w.identification, "measured": [0.4, 0.3], "start": {"force": 0.2}, "noise": 0.01,
+            "self": w.identification, "measured": [0.4, 0.3], "start": {"force": 0.2}, "near": None, "weights": None,
+            "noise": 0.01,
+        },
+        "describing_function": {"force": lambda q, v: q**3, "amplitude": [0.5, 1.0], "bias": 0.1, "omega": 1.0},
+        "identification.Identified.confidence": {"self": w.identified, "level": 0.9},
+        "identification.MeasuredFit.confidence": {"self": w.measured_fit, "level": 0.9},
+        "identification.Measurements": {
+            "omega": [0.7, 0.8], "amplitude": [0.3, 0.4], "way": ["up", ""], "lines": [2, 3],
+        },
+        "identification.Measurements.from_csv": {
+            "path": "no such file", "omega": "omega", "amplitude": "amplitude", "way": None, "omega_unit": 1.0,
+            "amplitude_unit": 1.0,
+        },
+        "identification.Measurements.named": {"self": w.measurements, "index": 0},
+        "identification.identify": {
+            "problem": w.problem, "variables": w.variables, "measurements": w.measurements, "output": "x",
+            "start": {"force": 0.2}, "harmonic": 1, "at": None, "noise": 0.01, "threshold": 4.0, "span": (0.5, 1.5),
         },
         "systems.chain": {"n_masses": 2, "damping": 0.1, "cubic": 1.0, "force": 1.0},
         "systems.duffing": {"damping_ratio": 0.1, "cubic": 1.0, "force": 1.0},
@@ -513,6 +539,8 @@ def examples():
         "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None, "special": True},
         "plot.plot_lift_response": {"response": w.lifts, "ax": None},
         "plot.plot_loads": {"history": w.history, "ax": None},
+        "plot.plot_response": {"response": w.response, "output": "x", "ax": None},
+        "plot.plot_measured_fit": {"fit": w.measured_fit},
         "plot.plot_rational_fit": {"fit": w.fit},
         "plot.plot_solutions": {"found": w.found, "output": "x", "ax": None},
         "plot.plot_sweep": {

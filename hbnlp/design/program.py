@@ -24,7 +24,7 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import ReadOnlyArrays, StaysHere
 from hbnlp.core.types import Array
-from hbnlp.design.responses import Response
+from hbnlp.design.responses import Response, begun_at
 from hbnlp.design.variables import Variables
 from hbnlp.solutions.ipopt import Ipopt, Solver
 from hbnlp.solutions.solution import Solution, make_solution
@@ -131,8 +131,30 @@ class Program(StaysHere):
         self._states = ca.Function("states", [unknowns, given], [e for r in responses for e in (r.x, r.p)])
 
     @interrupts_kept()
-    def solve(self, start: Mapping[str, float] | Optimum, *, data: ArrayLike = (), throw: bool = True) -> Optimum:
+    def solve(
+        self,
+        start: Mapping[str, float] | Optimum,
+        *,
+        near: Sequence[Solution] | None = None,
+        data: ArrayLike = (),
+        throw: bool = True,
+    ) -> Optimum:
         """Return a local optimum, from values of the variables and the responses' own starts, or from an earlier one.
+
+        Parameters
+        ----------
+        start : mapping of names to values, or Optimum
+            Values of the variables; or variables and responses, those of an earlier optimum.
+        near : sequence of Solution, optional
+            Where the responses begin instead, one each. Folds cannot.
+        data : array, optional
+            Values of the program's data.
+        throw : bool
+            Whether a failure is an error.
+
+        Returns
+        -------
+        Optimum
 
         Raises
         ------
@@ -142,9 +164,13 @@ class Program(StaysHere):
         """
         instance_of("start", start, Mapping | Optimum, "a mapping of the variables to values, or an Optimum")
         flag("throw", throw)
+        if near is not None:
+            list_of("near", near, Solution, "a list of solutions, one a response")
+            if len(near) != len(self.responses):
+                raise refused(ValueError, "near", near, f"a solution for each of the {len(self.responses)} responses")
         over, given = self.variables, np.atleast_1d(finite_array("data", data))
         if isinstance(start, Optimum):
-            x0 = start.unknowns
+            first, x0 = start.unknowns[: len(over.names)], start.unknowns
         else:
             for name in {*over.names} ^ {*start}:
                 raise KeyError(
@@ -152,6 +178,9 @@ class Program(StaysHere):
                 )
             first = np.array([real_number(name, start[name]) for name in over.names]) / over.scale
             x0 = np.concatenate([first, *(r.start for r in self.responses)])
+        if near is not None:
+            begun = [begun_at(response, solution) for response, solution in zip(self.responses, near, strict=True)]
+            x0 = np.concatenate([first, *begun])
         for what, array, size in (("start", x0, self._states.size1_in(0)), ("data", given, self._states.size1_in(1))):
             if array.shape != (size,):
                 raise ValueError(f"{what} has shape {array.shape}; ({size},) is needed for this program")

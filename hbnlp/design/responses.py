@@ -43,6 +43,7 @@ class Response(StaysHere):
     unknowns: ca.MX = field(repr=False)
     equations: ca.MX = field(repr=False)
     start: Array = field(repr=False)
+    size: float | Array = field(repr=False)
 
     @by_one_thread
     def __call__(self, expression: ca.MX) -> ca.MX:
@@ -92,7 +93,8 @@ def response_at(
     size, terms = sizes_at(problem, x0, values)
     xi, p = ca.MX.sym("x", problem.size), _parameters(problem, variables, values, {})
     x = size * xi
-    return Response(problem=problem, x=x, p=p, unknowns=xi, equations=problem.residual(x, p) / terms, start=x0 / size)
+    equations = problem.residual(x, p) / terms
+    return Response(problem=problem, x=x, p=p, unknowns=xi, equations=equations, start=x0 / size, size=size)
 
 
 @by_one_thread
@@ -142,7 +144,16 @@ def fold_at(problem: HarmonicBalance, variables: Variables, fold: SpecialPoint, 
         unknowns=ca.vertcat(xi, v, free),
         equations=ca.vertcat(*equations),
         start=np.concatenate([x0 / size, null / np.linalg.norm(null), [fold.value / unit]]),
+        size=size,
     )
+
+
+def begun_at(response: Response, solution: Solution) -> Array:
+    """Return the unknowns with which a response, no fold, begins at a solution."""
+    start: Array = response.problem.vector(solution.coefficients) / response.size
+    if start.shape != response.start.shape:
+        raise ValueError("a response is a fold, which does not begin at a solution alone; leave near out")
+    return start
 
 
 def _check_number(problem: HarmonicBalance, start: Solution) -> None:

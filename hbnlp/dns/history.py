@@ -7,11 +7,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hbnlp.core.layout import Column, Layout
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+_LAYOUT = Layout(
+    kind="history",
+    columns={
+        "time": Column("steps", about="ends of the steps", units="1"),
+        "load_time": Column("steps", about="middles of the steps, the times of the loads", units="1"),
+        "lift": Column("steps", about="C_L", units="1"),
+        "drag": Column("steps", about="C_D", units="1"),
+        "jump": Column("steps places", about="dCp along the plate", units="1"),
+        "jump_modes": Column("steps modes", about="sine coefficients dCp_k", units="1"),
+        "deflection": Column("steps shapes", about="sine coefficients W_k", units="1"),
+        "rate": Column("steps shapes", about="W_k'", units="1"),
+    },
+    dimensions={"steps": "time"},
+)
 
 
 @dataclass(frozen=True)
@@ -42,7 +60,7 @@ class Record:
 
 
 @dataclass(frozen=True)
-class History(ReadOnlyArrays):
+class History(ReadOnlyArrays, Tabular):
     """Records of a run, one row a step.
 
     Parameters
@@ -91,6 +109,9 @@ class History(ReadOnlyArrays):
         from hbnlp.plot import plot_loads
 
         return plot_loads(self, ax)
+
+    def _table(self) -> Table:
+        return table_of(self, _LAYOUT, axes=("time",), jump_modes=self.coefficients)
 
     def __repr__(self) -> str:
         if self.time.size == 0:

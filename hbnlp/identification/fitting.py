@@ -9,9 +9,10 @@ from typing import final
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import stats
 
 from hbnlp.balance.problem import HarmonicBalance
-from hbnlp.core.checks import finite_numbers, instance_of, list_of, real_number, refused
+from hbnlp.core.checks import finite_array, finite_numbers, instance_of, list_of, real_number, refused
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.sending import ReadOnlyArrays, StaysHere
@@ -50,6 +51,9 @@ class Identified(ReadOnlyArrays):
         Fitted less measured amplitudes.
     noise : float
         Standard deviation of a measurement that the covariance is based on: as given, or estimated from the residuals.
+    freedom : float
+        Degrees of freedom of the estimate: measurements with a weight less variables that they determine; infinite
+        where the noise was given.
     optimum : Optimum
         The fitted responses are ``optimum.solutions``.
     """
@@ -59,6 +63,7 @@ class Identified(ReadOnlyArrays):
     at_limit: dict[str, float]
     residuals: Array = field(repr=False)
     noise: float
+    freedom: float
     optimum: Optimum = field(repr=False)
 
     @property
@@ -75,6 +80,16 @@ class Identified(ReadOnlyArrays):
     def standard_errors(self) -> dict[str, float]:
         """Standard deviation of each variable, nan for those at a limit."""
         return {name: float(error) for name, error in zip(self.values, np.sqrt(np.diag(self.covariance)), strict=True)}
+
+    def confidence(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Return the interval in which each variable lies with this probability, nan for those at a limit.
+
+        By Student's t distribution where the noise was estimated, by the normal one where it was given.
+        """
+        real_number("level", level, above=0.0, below=1.0, advice=", such as 0.95")
+        reach = float(stats.t.ppf(0.5 + 0.5 * level, self.freedom))
+        errors = self.standard_errors
+        return {n: (value - reach * errors[n], value + reach * errors[n]) for n, value in self.values.items()}
 
     def __repr__(self) -> str:
         errors = self.standard_errors
@@ -129,24 +144,31 @@ class Identification(StaysHere):
         amplitude = ca.sqrt(problem.amplitude_squared(output, harmonic))
         fitted = ca.vertcat(*(response(amplitude) for response in responses))
         measured = ca.MX.sym("measured", len(points))
-        misfit = 0.5 * ca.sumsqr(fitted - measured) / ca.sumsqr(measured)
+        weights = ca.MX.sym("weights", len(points))
+        misfit = 0.5 * ca.sum1(weights * (fitted - measured) ** 2) / ca.sumsqr(measured)
         self.variables = variables
         self._n_points = len(points)
-        self._program = Program(variables, responses, objective=misfit, data=measured)
+        self._program = Program(variables, responses, objective=misfit, data=ca.vertcat(measured, weights))
         slopes = [ca.jacobian(e, s) for e in (amplitude, problem.g) for s in (problem.x, problem.p)]
         self._slopes = ca.Function("slopes", [problem.x, problem.p], [amplitude, *slopes])
         self._chosen = [problem.system.parameters.index(name) for name in variables.names]
 
     @interrupts_kept()
     def fit(
-        self, measured: ArrayLike, start: Mapping[str, float] | Identified, *, noise: float | None = None
+        self,
+        measured: ArrayLike,
+        start: Mapping[str, float] | Identified,
+        *,
+        near: Sequence[Solution] | None = None,
+        weights: ArrayLike | None = None,
+        noise: float | None = None,
     ) -> Identified:
         """Return the variables that fit measured amplitudes best.
 
-        Their covariance is ``noise^2 (J^T J)^-1`` with the derivative J of the amplitudes a by the variables d, the
-        responses eliminated: ``J = a_d - a_x R_x^-1 R_d``. It holds for independent errors of equal standard deviation,
-        small enough that J does not vary over them. Variables at a limit are taken as given: they have no covariance,
-        and are not counted among what the measurements determine.
+        Their covariance is ``noise^2 (J^T W J)^-1``, with the weights W and the derivative J of the amplitudes a by the
+        variables d, the responses eliminated: ``J = a_d - a_x R_x^-1 R_d``. It holds for independent errors whose
+        variances are inverse to the weights, small enough that J does not vary over them. Variables at a limit are
+        taken as given: they have no covariance, and are not counted among what the measurements determine.
 
         Parameters
         ----------
@@ -154,8 +176,12 @@ class Identification(StaysHere):
             In the order of ``points``.
         start : mapping of names to values, or Identified
             Where the variables begin; or variables and responses, those of an earlier fit.
+        near : sequence of Solution, optional
+            Where the responses begin, one a measurement, instead of the solutions of ``points``.
+        weights : array (n_measurements,), optional
+            Of the squared residuals; one by default. One that is zero takes its measurement out of the fit.
         noise : float, optional
-            Standard deviation of a measurement; by default it is estimated from the residuals.
+            Standard deviation of a measurement of weight one; by default it is estimated from the residuals.
 
         Raises
         ------
@@ -172,26 +198,35 @@ class Identification(StaysHere):
         instance_of("start", start, Mapping | Identified, "a mapping of the variables to values, or an earlier fit")
         if noise is not None:
             real_number("noise", noise, above=0.0, advice=", or None to have it estimated")
-        optimum = self._program.solve(start.optimum if isinstance(start, Identified) else start, data=amplitudes)
+        given = np.ones(self._n_points) if weights is None else finite_array("weights", weights, (self._n_points,))
+        if given.min() < 0.0:
+            raise refused(ValueError, "weights", weights, "weights that are not negative")
+        optimum = self._program.solve(
+            start.optimum if isinstance(start, Identified) else start,
+            near=near,
+            data=np.concatenate([amplitudes, given]),
+        )
+        return self.described(optimum, amplitudes, given, noise)
+
+    def described(self, optimum: Optimum, amplitudes: Array, weights: Array, noise: float | None) -> Identified:
+        """Return the record of a fit, its errors as they are with these weights of the measurements; see `fit`."""
         fitted, rows = zip(*(self._row(solution) for solution in optimum.solutions), strict=True)
         jacobian, residuals = np.array(rows), np.array(fitted) - amplitudes
-        at_limit = self._at_limit(optimum, jacobian, residuals)
+        roots, counted = np.sqrt(weights), np.count_nonzero(weights)
+        jacobian, weighted = roots[:, None] * jacobian, roots * residuals
+        at_limit = self._at_limit(optimum, jacobian, weighted)
         free = [i for i, name in enumerate(self.variables.names) if name not in at_limit]
         jacobian = jacobian[:, free]
         sizes = np.linalg.norm(jacobian, axis=0)
-        if (
-            len(jacobian) < sizes.size
-            or not np.all(sizes > 0.0)
-            or (free and np.linalg.cond(jacobian / sizes) > INDISTINCT)
-        ):
+        if counted < sizes.size or not np.all(sizes > 0.0) or (free and np.linalg.cond(jacobian / sizes) > INDISTINCT):
             raise ValueError(
                 f"these measurements do not determine {' and '.join(self.variables.names[i] for i in free)} together; "
                 "add some at other parameters or on another branch, or fix a variable"
             )
-        excess = amplitudes.size - sizes.size
+        excess = counted - sizes.size
         if noise is None and excess < 1:
-            raise ValueError(f"{amplitudes.size} measurements leave nothing to estimate the noise from; give noise=...")
-        deviation = float(np.sqrt(residuals @ residuals / excess)) if noise is None else float(noise)
+            raise ValueError(f"{counted} measurements leave nothing to estimate the noise from; give noise=...")
+        deviation = float(np.sqrt(weighted @ weighted / excess)) if noise is None else float(noise)
         scaled = np.linalg.inv((jacobian / sizes).T @ (jacobian / sizes))
         covariance = np.full((len(self.variables.names),) * 2, np.nan)
         covariance[np.ix_(free, free)] = deviation**2 * scaled / np.outer(sizes, sizes)
@@ -201,6 +236,7 @@ class Identification(StaysHere):
             at_limit=at_limit,
             residuals=residuals,
             noise=deviation,
+            freedom=float(excess) if noise is None else np.inf,
             optimum=optimum,
         )
 

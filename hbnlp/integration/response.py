@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from dataclasses import dataclass
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from hbnlp.integration.first_order import FirstOrderForm, Method, Window
 from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.tables.table import Table, table_of
 from hbnlp.tables.tabular import Tabular
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _METHODS = {each.__name__: each for each in (RungeKutta4, Adaptive)}
 
@@ -114,6 +117,12 @@ class TimeResponse(ReadOnlyArrays, Tabular):
     def all_harmonics(self, n_harmonics: int = 5) -> ComplexArray:
         """Return the complex amplitudes of all outputs, (n_outputs, n_harmonics + 1)."""
         return project(self._whole(self.signals), n_harmonics)
+
+    def plot(self, output: str, *, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw an output over the last window, in forcing periods; see `hbnlp.plot.plot_response`."""
+        from hbnlp.plot import plot_response
+
+        return plot_response(self, output, ax=ax, **options)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the response to one ``.npz`` file without pickle, whole or not at all.

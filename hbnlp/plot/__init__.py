@@ -7,7 +7,8 @@ from hbnlp.core.renamed import renamed_name
 from hbnlp.plot.aero import plot_lift_response, plot_rational_fit
 from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_diagram, plot_fold_curve, plot_sweep
 from hbnlp.plot.flow import animate, plot_loads, plot_vorticity
-from hbnlp.plot.motions import plot_harmonics, plot_phase, plot_signal, plot_solutions
+from hbnlp.plot.measured import plot_measured_fit
+from hbnlp.plot.motions import plot_harmonics, plot_phase, plot_response, plot_signal, plot_solutions
 from hbnlp.plot.shapes import animate_solution, plot_shape
 
 __all__ = [
@@ -21,8 +22,10 @@ __all__ = [
     "plot_harmonics",
     "plot_lift_response",
     "plot_loads",
+    "plot_measured_fit",
     "plot_phase",
     "plot_rational_fit",
+    "plot_response",
     "plot_shape",
     "plot_signal",
     "plot_solutions",

@@ -14,6 +14,7 @@ from hbnlp.fourier import basis_derivatives, to_real
 from hbnlp.plot.arguments import axes, axis, modulus, result
 
 if TYPE_CHECKING:
+    from hbnlp.integration.response import TimeResponse
     from hbnlp.solutions.solution import Solution
     from hbnlp.solutions.solution_set import SolutionSet
 
@@ -49,6 +50,19 @@ def plot_signal(solution: Solution, output: str, *, ax: Axes | None = None, **op
     solution.harmonics(output)
     ax = axes(ax)
     draw_signal(ax, solution, output, **{"linewidth": 1.4, **options})
+    return ax
+
+
+def plot_response(response: TimeResponse, output: str, *, ax: Axes | None = None, **options: Any) -> Axes:
+    """Draw an output of a time response over its window as it was integrated; options go to matplotlib.
+
+    Where the integration broke off, so does the line.
+    """
+    result("response", response, "TimeResponse")
+    values = response.signal(output)
+    ax = axes(ax)
+    ax.plot(response.omega / (2.0 * np.pi) * response.t, values, **{"linewidth": 1.4, **options})
+    ax.set(xlabel="forcing periods", ylabel=output, xlim=(0.0, response.periods))
     return ax
 
 

@@ -2,14 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
 from hbnlp.core.checks import real_number, whole_number
+from hbnlp.core.layout import Column, Layout, mapping, number, text, whole
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.stability.modes import ConstantPart
+from hbnlp.tables.table import Table, table_of
+from hbnlp.tables.tabular import Tabular
+
+_LAYOUT = Layout(
+    kind="floquet result",
+    columns={
+        "multipliers": Column("multipliers", complex, finite=False, about="by decreasing modulus", units="1"),
+        "exponents": Column("multipliers", complex, finite=False, about="log(multiplier) / period"),
+        "monodromy": Column("ends begins", finite=False, about="map of the state (q, q', lag states) over a period"),
+    },
+    entries={
+        "period": number,
+        "log_determinant": number,
+        "error": number,
+        "n_intervals": whole,
+        "options": mapping,
+        "message": text,
+    },
+    dimensions={"ends": "component_after", "begins": "component_before"},
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +65,7 @@ class Floquet:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FloquetResult(ReadOnlyArrays):
+class FloquetResult(ReadOnlyArrays, Tabular):
     """Floquet multipliers of one periodic solution.
 
     Attributes
@@ -103,6 +124,9 @@ class FloquetResult(ReadOnlyArrays):
         """Floquet exponents ``log(mu) / period``, imaginary parts within half the solution's frequency."""
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(self.multipliers) / self.period, dtype=complex)
+
+    def _table(self) -> Table:
+        return table_of(self, _LAYOUT, options=asdict(self.options))
 
     def __repr__(self) -> str:
         leading = ", ".join(f"{mu:.8g}" for mu in self.multipliers[:4])

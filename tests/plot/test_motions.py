@@ -4,6 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
+import hbnlp
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.plot import plot_solutions
 from hbnlp.solutions.search import Search, find_all
@@ -64,3 +65,14 @@ def test_harmonics_are_bars_at_multiples_of_the_forcing_s_frequency():
     np.testing.assert_allclose([bar.get_height() for bar in ax.patches], np.abs(solution.harmonics("x")))
     np.testing.assert_allclose([bar.get_x() + 0.5 * bar.get_width() for bar in ax.patches], np.arange(7) / 2)
     assert solution.plot_harmonics("x", logarithmic=True).get_yscale() == "log"
+
+
+def test_a_time_response_is_drawn_as_it_was_integrated():
+    response = hbnlp.integrate(hbnlp.systems.duffing(), at={"omega": 0.7}, periods=2, periodic_tol=1e-3)
+    ax = response.plot("x", color="tab:red")
+    drawn = ax.lines[0]
+    assert np.array_equal(drawn.get_ydata(), response.signal("x"))
+    assert np.allclose(drawn.get_xdata(), np.arange(response.t.size) * 2.0 / response.t.size)
+    assert ax.get_xlim() == (0.0, 2.0)
+    with pytest.raises(KeyError, match="unknown output"):
+        response.plot("y")

@@ -9,6 +9,7 @@ import pytest
 import xarray
 
 import hbnlp
+import hbnlp.dns
 from hbnlp.fourier import to_complex
 from hbnlp.systems import duffing
 
@@ -27,7 +28,10 @@ def records(branch):
         hbnlp.LinearMembrane(n_modes=2), hbnlp.aero.thin_airfoil(2), parameters={"pitch_amplitude": 0.1}
     )
     absorber = hbnlp.HarmonicBalance(hbnlp.systems.tuned_absorber(), 2)
+    plate = hbnlp.dns.Simulation(hbnlp.dns.Grid.around_plate(cells=8, levels=1), hbnlp.dns.SharpPlate(n_modes=2))
     return {
+        "floquet result": hbnlp.floquet(branch.solution(0)),
+        "history": plate.run(0.1),
         "branch": branch,
         "branch without stability": hbnlp.trace(problem, "omega", (0.9, 0.95), stability=None),
         "diagram": hbnlp.explore(
@@ -47,6 +51,8 @@ def records(branch):
 
 
 KINDS = {
+    "floquet result": ("multiplier", {"multipliers", "exponents", "monodromy"}),
+    "history": ("time", {"time", "load_time", "lift", "drag", "jump", "jump_modes", "deflection"}),
     "branch": ("point", {"omega", "amplitudes", "displacements", "multipliers", "special_kind"}),
     "branch without stability": ("point", {"omega", "amplitudes", "displacements"}),
     "diagram": ("point", {"omega", "branch", "periods", "amplitudes", "multipliers", "special_branch"}),
