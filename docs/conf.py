@@ -24,6 +24,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.mathjax",
     "sphinx_gallery.gen_gallery",
+    "sphinx-mathjax-offline",  # formulas are set by files of the pages themselves: no network is asked
 ]
 templates_path = ["_templates"]
 exclude_patterns = ["_build"]
@@ -57,4 +58,5 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "remove_config_comments": True,
     "min_reported_time": 1e9,
+    "write_computation_times": False,  # their tables ask the network
 }
