@@ -5,11 +5,15 @@ import os
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # for gallery_pages.py
+sys.path.insert(0, str(Path(__file__).parent))  # for gallery_pages.py and checked_pages.py
 
 os.environ.setdefault("TQDM_DISABLE", "1")  # progress bars are for terminals, not for pages
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")  # as in the tests: the examples themselves run side by side
+
+from numpydoc.xref import DEFAULT_LINKS
+
+import hbnlp
 
 project = "hbnlp"
 author = "The hbnlp developers"
@@ -18,6 +22,7 @@ release = importlib.metadata.version("hbnlp")
 version = release
 
 extensions = [
+    "checked_pages",
     "myst_parser",
     "numpydoc",
     "sphinx.ext.autodoc",
@@ -40,7 +45,10 @@ myst_heading_anchors = 3
 autosummary_generate = True
 autodoc_typehints = "none"  # numpydoc's Parameters say type and shape
 numpydoc_show_class_members = False  # the class template lists them
-numpydoc_xref_param_type = False
+# A type in a docstring is a link to its page, if it has one here: not to pages of Python and numpy.
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"
+numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | {name: f"hbnlp.{name}" for name in hbnlp.__all__}
 
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
