@@ -36,6 +36,7 @@ exclude_patterns = ["_build"]
 
 html_theme = "furo"
 html_static_path = ["_static"]
+html_css_files = ["pages.css"]
 html_title = f"hbnlp {release}"
 
 myst_enable_extensions = ["amsmath", "dollarmath"]
