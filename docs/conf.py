@@ -5,11 +5,15 @@ import os
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # for gallery_pages.py
+sys.path.insert(0, str(Path(__file__).parent))  # for gallery_pages.py and checked_pages.py
 
 os.environ.setdefault("TQDM_DISABLE", "1")  # progress bars are for terminals, not for pages
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")  # as in the tests: the examples themselves run side by side
+
+from numpydoc.xref import DEFAULT_LINKS
+
+import hbnlp
 
 project = "hbnlp"
 author = "The hbnlp developers"
@@ -18,18 +22,21 @@ release = importlib.metadata.version("hbnlp")
 version = release
 
 extensions = [
+    "checked_pages",
     "myst_parser",
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.mathjax",
     "sphinx_gallery.gen_gallery",
+    "sphinx-mathjax-offline",  # formulas are set by files of the pages themselves: no network is asked
 ]
 templates_path = ["_templates"]
 exclude_patterns = ["_build"]
 
 html_theme = "furo"
 html_static_path = ["_static"]
+html_css_files = ["pages.css"]
 html_title = f"hbnlp {release}"
 
 myst_enable_extensions = ["amsmath", "dollarmath"]
@@ -39,7 +46,10 @@ myst_heading_anchors = 3
 autosummary_generate = True
 autodoc_typehints = "none"  # numpydoc's Parameters say type and shape
 numpydoc_show_class_members = False  # the class template lists them
-numpydoc_xref_param_type = False
+# A type in a docstring is a link to its page, if it has one here: not to pages of Python and numpy.
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"
+numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | {name: f"hbnlp.{name}" for name in hbnlp.__all__}
 
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
@@ -57,4 +67,5 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "remove_config_comments": True,
     "min_reported_time": 1e9,
+    "write_computation_times": False,  # their tables ask the network
 }

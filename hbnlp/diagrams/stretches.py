@@ -24,8 +24,8 @@ class Stretch:
     low, high : float
         The values of the parameter that it reaches, up to the special points that bound it.
     at_low, at_high : SpecialPoint or None
-        These; None at an end of the branch, and where stability changes at none: motions of a fixed number of harmonics,
-        too few, may do so away from the folds of their equations.
+        These; None at an end of the branch, and where stability changes at none: with a fixed number of harmonics, too
+        few, it may do so away from the folds of the equations.
     stable : bool
     modulated : bool
         Whether it lost its stability at a Neimark-Sacker point: what is seen there is a modulated motion.

@@ -81,7 +81,9 @@ def main() -> None:
         for number, omega in enumerate(np.linspace(*case.searched, 10)):
             motions, unknown, n_found = [motion.solution for motion in diagram.at(omega)], [], 0
             for periods in range(1, case.periods + 1):
-                problem = hbnlp.HarmonicBalance(case.problem.system, periods * case.problem.n_harmonics, periods=periods)
+                problem = hbnlp.HarmonicBalance(
+                    case.problem.system, periods * case.problem.n_harmonics, periods=periods
+                )
                 found = hbnlp.find_all(
                     problem,
                     at={"omega": omega},
