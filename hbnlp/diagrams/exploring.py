@@ -85,7 +85,7 @@ def explore(
         Values of the other parameters.
     start : Solution or array (n_dof, 2H+1), optional
         Where to begin within the span, by default a cold start at ``span[0]``. Cold starts at the ends of the span
-        follow: a resonance that leaves the span comes back into it as another branch.
+        follow, unless ``depth`` is 0: a resonance that leaves the span comes back into it as another branch.
     depth : int
         How many times to switch at a branch point or period doubling on the way to a branch; 0: one branch alone.
     max_points : int
@@ -250,7 +250,7 @@ class _Explorer:
         """Trace branch after branch, and report after each point."""
         yield from self._both_ways(Origin(), first)
         yield from self._crossing(0)
-        known = [*self._at_ends(first), *known]
+        known = [*(self._at_ends(first) if self._depth else ()), *known]
         for number, motion in enumerate(known):
             yield from self._beside(number, motion)
         for value in values:

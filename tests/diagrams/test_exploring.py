@@ -41,7 +41,7 @@ def values(diagram, kind):
 
 
 def test_a_branch_of_broken_symmetry_is_traced_once_and_known_to_have_an_image(diagram):
-    assert len(diagram) == 2
+    assert len(diagram) == 3
     assert diagram.branches[1].end is hbnlp.End.MET
     assert values(diagram, hbnlp.Kind.BRANCH_POINT) == pytest.approx(PITCHFORKS, rel=1e-6)
     assert [junction.branches for junction in diagram.junctions] == [(0, 1), (0, 1)]
@@ -49,7 +49,16 @@ def test_a_branch_of_broken_symmetry_is_traced_once_and_known_to_have_an_image(d
     assert not diagram.left
 
 
-@pytest.mark.parametrize("omega", [0.55, 0.7, 0.9, 1.5])
+def test_a_resonance_that_leaves_the_span_comes_back_as_another_branch(diagram):
+    """The resonant motion turns at omega = 4.1, beyond the span; the quiet one is there from a fold at 1.93 on."""
+    assert [origin.value for origin in diagram.origins] == [None, None, 4.0]
+    (fold,) = diagram.branches[2].folds
+    longer = hbnlp.trace(diagram.branches[0].solution(-1), "omega", (0.3, 5.0), stability=None)
+    assert fold.value == pytest.approx(longer.folds[-1].value, abs=1e-4)
+    assert sorted(motion.stable for motion in diagram.at(3.0)) == [False, True, True]
+
+
+@pytest.mark.parametrize("omega", [0.55, 0.7, 0.9, 1.5, 2.5, 3.5])
 def test_no_motion_that_a_search_finds_is_missed(strong, diagram, omega):
     found = hbnlp.find_all(strong.with_harmonics(13), at={"omega": omega}, method=hbnlp.Search(n_starts=20))
     motions = diagram.at(omega)
@@ -76,14 +85,16 @@ def test_stability_of_the_motions_is_that_of_their_multipliers(diagram):
 
 
 def test_the_interval_of_two_stable_motions_lies_between_the_folds(diagram):
-    (interval,) = diagram.intervals()
-    folds = sorted(values(diagram, hbnlp.Kind.FOLD))
+    interval, above = diagram.intervals()
+    *folds, quiet = sorted(values(diagram, hbnlp.Kind.FOLD))
+    assert [above.low, above.high] == pytest.approx([quiet, 4.0])
+    assert (above.at_low.kind, above.at_high) == (hbnlp.Kind.FOLD, None)
     assert [interval.low, interval.high] == pytest.approx(folds)
     assert {interval.at_low.kind, interval.at_high.kind} == {hbnlp.Kind.FOLD}
 
 
 def test_marches_fall_at_the_folds_and_go_on_through_soft_bifurcations(diagram):
-    low, high = sorted(values(diagram, hbnlp.Kind.FOLD))
+    low, high, _quiet = sorted(values(diagram, hbnlp.Kind.FOLD))
     up, down = diagram.march("up"), diagram.march("down")
     assert [leg.next for leg in up.legs] == [Next.FALL, Next.SOFT, Next.SOFT, Next.END]
     assert [leg.leaves for leg in up.falls] == pytest.approx([high])
@@ -110,8 +121,8 @@ def test_a_march_goes_along_modulated_motions_from_one_neimark_sacker_point_to_t
 def test_a_march_begins_on_the_branch_that_is_named(diagram):
     begin = 0.5 * sum(PITCHFORKS)
     assert diagram.march("up", begin=begin, branch=1, integrated=False).legs[0].stretch.branch == 1
-    with pytest.raises(ValueError, match=r"branch is 2"):
-        diagram.march("up", branch=2)
+    with pytest.raises(ValueError, match=r"branch is 3"):
+        diagram.march("up", branch=3)
 
 
 def test_a_chain_is_explored_whole_or_up_to_a_budget_and_gone_on_with():
