@@ -15,7 +15,7 @@ from hbnlp import dns
 from hbnlp.systems import duffing
 
 FREQUENCIES = np.linspace(0.9, 1.2, 600)
-FORCES = {"force": np.linspace(0.02, 0.2, 60)}
+FORCES = {"force": np.linspace(0.02, 0.2, 100)}
 
 
 def problem():
@@ -66,7 +66,8 @@ def study(folder):
 
 
 def task():
-    return functools.partial(hbnlp.trace, problem(), "omega", (0.5, 1.6), stability=None)
+    few = hbnlp.PseudoArclength(max_points=15)
+    return functools.partial(hbnlp.trace, problem(), "omega", (0.5, 1.6), stability=None, method=few)
 
 
 def settle(folder):

@@ -108,7 +108,7 @@ class _Run:
     ) -> None:
         self.found = found
         self._task, self._points, self._executor, self._kept = task, points, executor, kept
-        self._failing = False
+        self._n_failed, self._failing = 0, False
 
     def steps(self) -> Generator[Report, None, None]:
         """Do what is left, and report after each point."""
@@ -121,13 +121,14 @@ class _Run:
         points = [self._points.all[i] for i in left]
         with closing(each_of(work, points, take, executor=self._executor)) as ended:
             for place in ended:
-                done, failed = len(self.found), sum(isinstance(each, Failure) for each in self.found.values())
-                yield Report(left[place], done / len(self._points.all), {"done": done, "failed": failed})
+                done = len(self.found)
+                yield Report(left[place], done / len(self._points.all), {"done": done, "failed": self._n_failed})
 
     def _take(self, number: int, outcome: Any) -> None:
         """Keep what came of a point; an error that never reached its task is a Failure, too."""
         if isinstance(outcome, BaseException):
             outcome = Failure.of(outcome)
+        self._n_failed += isinstance(outcome, Failure)
         self.found[number] = outcome
         if self._kept is None:
             return
