@@ -3,6 +3,7 @@
 Each verb saves after every point. What is said was computed, and is in the file but for the last of it at most.
 """
 
+import functools
 import itertools
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from hbnlp import dns
 from hbnlp.systems import duffing
 
 FREQUENCIES = np.linspace(0.9, 1.2, 600)
+FORCES = {"force": np.linspace(0.02, 0.2, 100)}
 
 
 def problem():
@@ -53,6 +55,21 @@ def search(folder):
     return hbnlp.find_all(problem(), at={"omega": 1.2}, method=hbnlp.Search(n_starts=10**6), callbacks=callbacks)
 
 
+def study(folder):
+    """Trace at more points than it takes until the kill, each into a file of the folder."""
+
+    def told(progress):
+        if not progress.done:
+            say(progress.counts["done"])
+
+    return hbnlp.study(task(), over=FORCES, folder=folder, callbacks=[told])
+
+
+def task():
+    few = hbnlp.PseudoArclength(max_points=15)
+    return functools.partial(hbnlp.trace, problem(), "omega", (0.5, 1.6), stability=None, method=few)
+
+
 def settle(folder):
     """Integrate until it repeats itself to nothing, which it never does."""
     callbacks = [
@@ -74,4 +91,6 @@ def run(folder):
 
 
 if __name__ == "__main__":
-    {"trace": trace, "sweep": sweep, "search": search, "settle": settle, "run": run}[sys.argv[1]](Path(sys.argv[2]))
+    {"trace": trace, "sweep": sweep, "search": search, "settle": settle, "run": run, "study": study}[sys.argv[1]](
+        Path(sys.argv[2])
+    )

@@ -1,9 +1,11 @@
 """The long verbs, each ready to be interrupted: what it takes to call one, and how much its result holds."""
 
 import atexit
+import functools
 import shutil
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -166,6 +168,20 @@ def trace_to_a_tolerance():
     return Verb(lambda count: hbnlp.trace(tolerant, "omega", (0.3, 3.0), callbacks=[count]), len)
 
 
+def study(executor=None):
+    task = functools.partial(hbnlp.trace, problem(), "omega", (0.5, 1.6), stability=None)
+    forces = {"force": np.linspace(0.05, 0.2, 6)}
+    return Verb(
+        lambda count: hbnlp.study(task, over=forces, executor=executor, callbacks=[count]), lambda done: sum(done.done)
+    )
+
+
+def study_by_threads():
+    threads = ThreadPoolExecutor(2)
+    atexit.register(threads.shutdown)
+    return study(threads)
+
+
 def identify():
     rom, omega = thin_airfoil(6), np.geomspace(0.05, 20.0, 60)
     measured = FrequencyResponse(
@@ -217,6 +233,7 @@ VERBS = {
     for verb in (
         *(new_problem, cold_start, by_ipopt, by_rootfinder, program, program_of_a_fold, fit, peaks, stability_limits),
         *(lift_response, floquet, truncation_error, switch_branch, integrate, integrate_adaptively, trace, sweep),
-        *(sweep_by_integration, find_all, follow, trace_to_a_tolerance, identify, flow, campaign),
+        *(sweep_by_integration, find_all, follow, trace_to_a_tolerance, study, study_by_threads),
+        *(identify, flow, campaign),
     )
 }

@@ -87,6 +87,21 @@ def test_a_search_that_is_killed_loses_one_start_at_most_and_goes_on_as_if_it_ha
     assert only_the_file(tmp_path)
 
 
+@pytest.mark.parametrize("seconds", at_random("study")[:1])
+def test_a_study_that_is_killed_loses_one_point_at_most_and_goes_on(tmp_path, seconds):
+    said = kill("study", tmp_path, seconds)
+    kept = hbnlp.Study.load(tmp_path, problem=killed.problem())
+    assert said - 1 <= sum(kept.done) <= said + 1
+    made = []
+    callbacks = [lambda told: made.append(told.done)]
+    whole = hbnlp.study(killed.task(), over=killed.FORCES, folder=tmp_path, callbacks=callbacks)
+    assert made.count(False) == len(kept) - sum(kept.done)
+    assert whole.complete
+    for i in np.flatnonzero(kept.done):
+        np.testing.assert_array_equal(kept[int(i)].coefficients, whole[int(i)].coefficients)
+    assert not list(tmp_path.glob("*.part"))
+
+
 def test_an_integration_that_is_killed_loses_one_window_at_most_and_goes_on_from_its_state(tmp_path):
     said = kill("settle", tmp_path, 0.3)
     kept = hbnlp.TimeResponse.load(tmp_path / "file.npz")

@@ -32,13 +32,17 @@ class Interrupts:
         self._handler: Callable[[int, FrameType | None], object] = signal.default_int_handler
         self._noted: BaseException | None = None
         self._at_once = self._leaving = False
-        self.arrived = 0
-        """How many there were while work was under way, whatever became of them."""
+        self._count = 0
 
     @property
     def noted(self) -> bool:
         """Whether there was one that the calling thread has to end for: only the main thread sees signals."""
         return self._noted is not None and _in_main_thread()
+
+    @property
+    def arrived(self) -> int:
+        """How many there were for the calling thread while work was under way, whatever became of them."""
+        return self._count if _in_main_thread() else 0
 
     def taken(self) -> bool:
         """Return whether there was one, and forget it: for whoever returns a result that says so."""
@@ -128,7 +132,7 @@ class Interrupts:
 
     def _arrived(self, number: int, frame: FrameType | None) -> None:
         """Ask the handler that was there what it makes of the signal; an exception is what has to wait."""
-        self.arrived += 1
+        self._count += 1
         waits = self._leaving or (self._noted is None and not self._at_once)
         try:
             self._handler(number, frame)

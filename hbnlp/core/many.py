@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from queue import SimpleQueue
 from typing import Any
@@ -21,11 +21,11 @@ Take = Callable[[int, Any], None]
 
 def each_of(
     function: Callable[[Any], Any], arguments: Sequence[Any], take: Take, *, executor: Executor | None
-) -> Iterator[int]:
+) -> Generator[int, None, None]:
     """Call a function with all arguments, and yield the number of each call once ``take`` has what came of it.
 
-    What has ended by the time that the work is left, by Ctrl-C or an error, is taken as well; what has not begun is
-    cancelled.
+    What has ended by the time that the work is left, by Ctrl-C, an error or ``close()``, is taken as well; what has not
+    begun is cancelled.
 
     Parameters
     ----------

@@ -5,8 +5,9 @@ from __future__ import annotations
 import functools
 import logging
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import closing
 from typing import Any
 
 from hbnlp.balance.problem import HarmonicBalance
@@ -15,7 +16,7 @@ from hbnlp.core.checks import file_name, instance_of, list_of_callables
 from hbnlp.core.errors import SaveError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.many import each_of
-from hbnlp.core.tasks import COMPLETE, Ending, Report, drive
+from hbnlp.core.tasks import COMPLETE, UNDER_WAY, Ending, Report, drive
 from hbnlp.studies.outcomes import Failure, attempted
 from hbnlp.studies.points import Points, Value
 from hbnlp.studies.record import Study, study_of
@@ -83,11 +84,15 @@ def study(
     known = {i: outcome for i, outcome in found.items() if i < len(points.all) and not isinstance(outcome, Failure)}
     run = _Run(task, points, known, executor, kept)
 
+    work = run.steps()
+
     def record(ending: Ending) -> Study:
+        if ending is not UNDER_WAY:
+            work.close()  # what has ended by now is done, and the rest is not waited for
         words = "" if ending is COMPLETE else f"{ending}: "
         return study_of(about, points, run.found, words)
 
-    return drive("study", run.steps(), record, name="point", callbacks=callbacks)
+    return drive("study", work, record, name="point", callbacks=callbacks)
 
 
 class _Run:
@@ -103,9 +108,9 @@ class _Run:
     ) -> None:
         self.found = found
         self._task, self._points, self._executor, self._kept = task, points, executor, kept
-        self._failing = False
+        self._n_failed, self._failing = 0, False
 
-    def steps(self) -> Iterator[Report]:
+    def steps(self) -> Generator[Report, None, None]:
         """Do what is left, and report after each point."""
         left = [i for i in range(len(self._points.all)) if i not in self.found]
 
@@ -114,14 +119,16 @@ class _Run:
 
         work = functools.partial(attempted, self._task)
         points = [self._points.all[i] for i in left]
-        for place in each_of(work, points, take, executor=self._executor):
-            done, failed = len(self.found), sum(isinstance(each, Failure) for each in self.found.values())
-            yield Report(left[place], done / len(self._points.all), {"done": done, "failed": failed})
+        with closing(each_of(work, points, take, executor=self._executor)) as ended:
+            for place in ended:
+                done = len(self.found)
+                yield Report(left[place], done / len(self._points.all), {"done": done, "failed": self._n_failed})
 
     def _take(self, number: int, outcome: Any) -> None:
         """Keep what came of a point; an error that never reached its task is a Failure, too."""
         if isinstance(outcome, BaseException):
             outcome = Failure.of(outcome)
+        self._n_failed += isinstance(outcome, Failure)
         self.found[number] = outcome
         if self._kept is None:
             return

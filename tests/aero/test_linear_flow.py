@@ -2,6 +2,8 @@
 
 import functools
 import json
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 from unittest.mock import Mock
 
 import numpy as np
@@ -168,6 +170,16 @@ def test_a_campaign_is_resumed_without_computing_again(tmp_path, monkeypatch):
     assert np.array_equal(again.values, done.values)
     with pytest.raises(ValueError, match="belongs to another case"):
         run_campaign(path, case=Case(n_modes=2, order=2, mesh=TINY), omega=[0.5])
+
+
+@pytest.mark.usefixtures("one_look_for_shedding")
+def test_processes_give_the_response_of_a_loop(tmp_path):
+    case, omega = Case(n_modes=1, order=2, mesh=TINY), [0.5, 2.0, 8.0]
+    loop = run_campaign(tmp_path / "loop.npz", case=case, omega=omega)
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        there = run_campaign(tmp_path / "there.npz", case=case, omega=omega, executor=pool)
+    np.testing.assert_allclose(there.values, loop.values, rtol=1e-12)
+    np.testing.assert_array_equal(there.static, loop.static)
 
 
 DAMAGED = {

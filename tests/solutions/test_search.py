@@ -1,5 +1,8 @@
 """All solutions at one parameter point, by deflation, random starts and varied load."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -305,3 +308,18 @@ def test_a_search_among_rough_motions_finds_the_smooth_one():
     )
     found = find_all(HarmonicBalance(system, 11), at={"omega": 0.8}, method=Search(n_starts=1, n_deflated=1))
     assert min(abs(abs(s.harmonics("x")[1]) - 0.352391) for s in found) < 1e-5
+
+
+@pytest.mark.parametrize("subject", [tuned_absorber(), pendulum(angles=[0])], ids=lambda system: system.name)
+def test_starts_that_workers_run_ahead_find_what_a_loop_finds_and_leave_the_generator_where_it_leaves_it(subject):
+    problem, values, method = HarmonicBalance(subject, 3), {"omega": 0.9}, Search(n_starts=25, n_deflated=1)
+    loop = find_all(problem, at=values, method=method)
+    with ThreadPoolExecutor(2) as threads:
+        ahead = find_all(problem, at=values, method=method, executor=threads)
+        stopped = find_all(problem, at=values, method=replace(method, n_starts=9), executor=threads)
+        resumed = find_all(problem, at=values, method=method, known=stopped, executor=threads)
+    for found in (ahead, resumed):
+        assert found.state == loop.state
+        assert len(found) == len(loop)
+        for one, other in zip(found, loop, strict=True):
+            np.testing.assert_array_equal(one.coefficients, other.coefficients)

@@ -10,7 +10,7 @@ import pytest
 import hbnlp
 
 distributed = pytest.importorskip("distributed")
-OVER = {"damping_ratio": [0.05, 0.06], "force": [0.1, 0.2, 0.3]}
+OVER = {"damping_ratio": [0.1, 0.15], "force": [0.1, 0.2, 0.3]}
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ import pytest
 
 import hbnlp
 
-OVER = {"damping_ratio": [0.05, 0.06], "force": [0.1, 0.2, 0.3]}
+OVER = {"damping_ratio": [0.1, 0.15], "force": [0.1, 0.2, 0.3]}
 NUMBERS = {"number": list(range(6))}
 
 
@@ -45,8 +45,8 @@ def test_processes_give_what_a_loop_gives_and_what_the_verb_gives(problem, pool)
     loop = hbnlp.study(trace_of(problem), over=OVER)
     same(loop, hbnlp.study(trace_of(problem), over=OVER, executor=pool))
     assert loop.shape == (2, 3)
-    assert loop.points[4] == {"damping_ratio": 0.06, "force": 0.2}
-    same([loop[1, 1]], [hbnlp.trace(problem, "omega", (0.5, 1.6), at={"damping_ratio": 0.06, "force": 0.2})])
+    assert loop.points[4] == {"damping_ratio": 0.15, "force": 0.2}
+    same([loop[1, 1]], [hbnlp.trace(problem, "omega", (0.5, 1.6), at={"damping_ratio": 0.15, "force": 0.2})])
     assert loop[-1] is loop.results[5] is loop[1, 2]
 
 
@@ -79,7 +79,7 @@ def test_a_task_that_fails_is_data(pool, by_processes):
     assert "in own" in study.errors[2].traceback
     assert repr(study).splitlines()[-2:] == [
         "  6 of 6 points done, 2 failed",
-        "  first failure at {'damping_ratio': 0.05, 'force': 0.3}: ValueError: the force is too large",
+        "  first failure at {'damping_ratio': 0.1, 'force': 0.3}: ValueError: the force is too large",
     ]
 
 
@@ -242,7 +242,7 @@ def test_a_task_that_was_interrupted_is_not_taken_for_done(problem, tmp_path):
 
 def test_an_interrupt_while_workers_work_keeps_what_is_done(pool):
     def interrupt(progress):
-        if progress.counts["done"] == 2:
+        if progress.counts["done"] == 2 and not progress.done:
             threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
 
     study = hbnlp.study(jobs.slow_first, over={"number": [5, 5.5, *[0.1 + i / 100 for i in range(30)]]}, executor=pool,

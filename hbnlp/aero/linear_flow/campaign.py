@@ -6,7 +6,10 @@ import importlib.metadata
 import logging
 import os
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +23,8 @@ from hbnlp.aero.linear_flow.parts import Parts
 from hbnlp.aero.linear_flow.response import LinearResponse
 from hbnlp.core.checks import finite_array, instance_of, real_number, whole_number
 from hbnlp.core.errors import HbnlpError
+from hbnlp.core.kept import Kept
+from hbnlp.core.many import each_of
 from hbnlp.core.storage import archive_name
 from hbnlp.core.types import Array, ComplexArray
 
@@ -110,6 +115,7 @@ def run_campaign(
     omega: Sequence[float] | Array,
     probes: Sequence[float] = (),
     progress: Progress = iter,
+    executor: Executor | None = None,
 ) -> FrequencyResponse:
     """Compute the response, the static one included, and write it to ``path``.
 
@@ -129,6 +135,9 @@ def run_campaign(
         twice the domain; they must be among ``omega``. None by default.
     progress : callable
         Given the list of frequencies to come, returns an iterable over it; tqdm serves.
+    executor : concurrent.futures.Executor, optional
+        Of processes, which do the frequencies side by side. Each worker makes the mesh and the steady flow once, and
+        has the memory for them.
 
     Returns
     -------
@@ -153,6 +162,7 @@ def run_campaign(
     """
     archive_name("path", path)
     instance_of("progress", progress, Callable, "a function of the frequencies to come, such as tqdm")
+    instance_of("executor", executor, Executor | None, "a concurrent.futures.Executor")
     instance_of("case", case, Case, "a Case(reynolds=..., incidence=..., ...)")
     frequencies = np.unique(finite_array("omega", omega, (None,)))
     if frequencies.size == 0 or not frequencies[0] > 0.0:
@@ -163,12 +173,12 @@ def run_campaign(
     if strange:
         raise ValueError(f"probes {strange} are not among the frequencies; choose some of omega")
     folder = Path(f"{os.fspath(path)}.parts")
-    values, facts = _compute(folder / "main", case, frequencies, progress, refuse_unsteady=True)
+    values, facts = _compute(folder / "main", case, frequencies, progress, executor, refuse_unsteady=True)
     static, dynamic = values[0].real, values[1:]
     estimates: dict[str, dict[str, float]] = {}
     for name, variation in case.variations().items() if len(probes) else ():
         at = np.asarray(sorted(probes), dtype=float)
-        other, _ = _compute(folder / name, variation, at, progress, refuse_unsteady=False)
+        other, _ = _compute(folder / name, variation, at, progress, executor, refuse_unsteady=False)
         reference = np.concatenate([values[:1], dynamic[np.searchsorted(frequencies, at)]])
         difference = _column_difference(reference, other)
         estimates[name] = {f"{w:g}": float(d) for w, d in zip((0.0, *at), difference, strict=True)}
@@ -194,7 +204,7 @@ def _column_difference(reference: ComplexArray, other: ComplexArray) -> Array:
 
 
 def _compute(
-    folder: Path, case: Case, omega: Array, progress: Progress, *, refuse_unsteady: bool
+    folder: Path, case: Case, omega: Array, progress: Progress, executor: Executor | None, *, refuse_unsteady: bool
 ) -> tuple[ComplexArray, dict[str, Any]]:
     """Return G at 0 and at ``omega``, (1 + m, N+1, N+2), and the facts of the run; finished parts are read back."""
     parts = Parts(folder, asdict(case), n_modes=case.n_modes)
@@ -213,10 +223,30 @@ def _compute(
             "ngsolve": importlib.metadata.version("ngsolve"),
         }
         parts.keep_facts(facts)
-        for w in progress(missing):
-            found[w] = transfer = response.transfer(1j * w)
-            parts.keep(w, transfer)
+
+        def take(place: int, transfer: Any) -> None:
+            if isinstance(transfer, BaseException):
+                raise transfer
+            found[missing[place]] = transfer
+            parts.keep(missing[place], transfer)
+
+        at = partial(_transfer_at, response) if executor is None else partial(_transfer_there, case)
+        with closing(each_of(at, missing, take, executor=executor)) as work:
+            for _ in zip(progress(missing), work, strict=True):
+                pass
     return np.array(list(found.values())), facts
+
+
+def _transfer_at(response: LinearResponse, omega: float) -> ComplexArray:
+    return response.transfer(1j * omega)
+
+
+_RESPONSES: Kept[LinearResponse] = Kept(1)
+
+
+def _transfer_there(case: Case, omega: float) -> ComplexArray:
+    """Return the matrix at a frequency, in a process that makes the response of a case once."""
+    return _transfer_at(_RESPONSES.get(case, case.response), omega)
 
 
 def _refuse_unsteady(response: LinearResponse, case: Case) -> None:
