@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backend_bases import Event, KeyEvent, MouseEvent
 from matplotlib.figure import FigureBase
 
-from hbnlp.core.checks import instance_of, whole_number
+from hbnlp.core.checks import flag, instance_of, whole_number
 from hbnlp.core.types import Array
 from hbnlp.plot.arguments import result
 from hbnlp.plot.branches import _level, plot_branch
@@ -112,7 +112,7 @@ def plot_clicked(
     output: str,
     *,
     ax: Axes | None = None,
-    draw: Drawing | None = None,
+    draw: Callable[[Solution, Axes], Any] | None = None,
     harmonic: int = 1,
     per: str | None = None,
     decibels: bool = False,
@@ -144,6 +144,7 @@ def plot_clicked(
     result("branch", branch, "Branch")
     instance_of("draw", draw, Callable | None, "a function of (solution, ax), or None")
     instance_of("ax", ax, Axes | None, "the Axes on which the branch was drawn, or None for a new figure")
+    flag("decibels", decibels)
     if not len(branch):
         raise ValueError(f"the branch has no points to click on: {branch.message}")
     levels = _level(branch, output, harmonic, per, decibels)

@@ -160,7 +160,7 @@ def test_intervals_are_students_where_the_noise_is_estimated_and_normal_where_it
         assert 0.5 * (high - low) == pytest.approx(reach * fit.standard_errors["force"], rel=1e-4)
 
 
-def test_responses_begin_where_they_are_told_to(problem, branch, identification, amplitudes):
+def test_responses_begin_where_they_are_told_to(branch, identification, amplitudes):
     start, near = {"cubic": CUBIC, "force": FORCE}, [solution for _, solution in on_both_branches(branch)]
     lower = on_both_branches(branch)[5:]
     other = [*near[:3], lower[0][1], *near[4:]]  # the fourth, measured on the upper branch, begins on the lower
