@@ -35,6 +35,7 @@ READING_ORDER = {
         "design_prestrain",
         "identify_membrane",
         "identify_from_table",
+        "rom_from_data",
     ),
     "oscillators": (
         "duffing_hysteresis",

@@ -539,6 +539,9 @@ def examples():
         "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None, "special": True},
         "plot.plot_lift_response": {"response": w.lifts, "ax": None},
         "plot.plot_loads": {"history": w.history, "ax": None},
+        "plot.plot_clicked": {
+            "branch": w.branch, "output": "x", "ax": None, "draw": None, "harmonic": 1, "per": None, "decibels": False,
+        },
         "plot.plot_response": {"response": w.response, "output": "x", "ax": None},
         "plot.plot_measured_fit": {"fit": w.measured_fit},
         "plot.plot_rational_fit": {"fit": w.fit},

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 MARGIN = 0.5
 """How far the branch is traced beyond the measured frequencies, in parts of their range."""
+POOR = 0.2
+"""A fit with residuals of this part of the amplitudes explains nothing: units, output or system are others."""
 MANY = 3
 """One wrong measurement in so many are not a few any more."""
 
@@ -189,7 +191,7 @@ def identify(
     if OMEGA in variables.names:
         raise refused(ValueError, "variables", variables.names, "other parameters: omega is what was set")
     low, high = float(measurements.omega.min()), float(measurements.omega.max())
-    wide = MARGIN * (high - low)
+    wide = MARGIN * ((high - low) or low)
     given = interval("span", span, above=0.0) if span is not None else (max(low - wide, 0.3 * low), high + wide)
     problem.values(at, but=(OMEGA, *variables.names))
     task = Task(
@@ -210,6 +212,11 @@ def identify(
         message = (
             f"{wrong.size} of {len(measurements)} amplitudes are on no part of the branch: start nearer, or let more "
             "variables vary"
+        )
+    elif outcome.fitted.found.noise > POOR * (size := float(np.sqrt(np.mean(measurements.amplitude**2)))):
+        message = (
+            f"what the fit leaves, {outcome.fitted.found.noise:.2g}, is not small beside the amplitudes, {size:.2g}: "
+            "look at the units, the output and the harmonic, or start nearer"
         )
     elif outcome.rounds is None:
         message = "on which parts the measurements lie still changes from round to round: start nearer"

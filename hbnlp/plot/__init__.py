@@ -6,6 +6,7 @@ from hbnlp.core.old_names import old_names
 from hbnlp.core.renamed import renamed_name
 from hbnlp.plot.aero import plot_lift_response, plot_rational_fit
 from hbnlp.plot.branches import EVENT_MARKERS, MARKERS, plot_branch, plot_diagram, plot_fold_curve, plot_sweep
+from hbnlp.plot.clicked import plot_clicked
 from hbnlp.plot.flow import animate, plot_loads, plot_vorticity
 from hbnlp.plot.measured import plot_measured_fit
 from hbnlp.plot.motions import plot_harmonics, plot_phase, plot_response, plot_signal, plot_solutions
@@ -17,6 +18,7 @@ __all__ = [
     "animate",
     "animate_solution",
     "plot_branch",
+    "plot_clicked",
     "plot_diagram",
     "plot_fold_curve",
     "plot_harmonics",

@@ -134,3 +134,38 @@ def test_a_variable_at_its_limit_has_no_interval_and_the_others_are_conditional(
 def test_only_what_users_need_is_shown():
     for name in hbnlp.identification.__all__:
         assert getattr(hbnlp.identification, name).__module__.startswith("hbnlp.identification.")
+
+
+def test_weights_are_repetitions_of_a_measurement_and_zero_leaves_it_out(problem, branch, identification, amplitudes):
+    start, measured = {"cubic": CUBIC, "force": FORCE}, amplitudes() + 0.01 * np.cos(np.arange(9.0))
+    twice = identification.fit(measured, start, weights=[2.0, 0.0, *[1.0] * 7], noise=0.01)
+    points = on_both_branches(branch)
+    repeated = Identification(
+        Variables({"cubic": (0.02, 0.5), "force": (0.05, 0.5)}), problem, [points[0], points[0], *points[2:]], "x"
+    ).fit([measured[0], measured[0], *measured[2:]], start, noise=0.01)
+    for name in start:
+        assert twice.values[name] == pytest.approx(repeated.values[name], rel=1e-6)
+    assert np.allclose(twice.covariance, repeated.covariance, rtol=1e-5)
+    assert identification.fit(measured, start, weights=[1.0, 0.0, *[1.0] * 7]).freedom == 6.0
+    with pytest.raises(ValueError, match="weights that are not negative"):
+        identification.fit(measured, start, weights=-np.ones(9))
+
+
+def test_intervals_are_students_where_the_noise_is_estimated_and_normal_where_it_is_given(identification, amplitudes):
+    start, measured = {"cubic": CUBIC, "force": FORCE}, amplitudes() + 0.01 * np.cos(np.arange(9.0))
+    for noise, reach in ((None, 2.3646), (0.01, 1.9600)):  # tables, of seven degrees of freedom and of infinitely many
+        fit = identification.fit(measured, start, noise=noise)
+        low, high = fit.confidence(0.95)["force"]
+        assert 0.5 * (low + high) == pytest.approx(fit.values["force"])
+        assert 0.5 * (high - low) == pytest.approx(reach * fit.standard_errors["force"], rel=1e-4)
+
+
+def test_responses_begin_where_they_are_told_to(branch, identification, amplitudes):
+    start, near = {"cubic": CUBIC, "force": FORCE}, [solution for _, solution in on_both_branches(branch)]
+    lower = on_both_branches(branch)[5:]
+    other = [*near[:3], lower[0][1], *near[4:]]  # the fourth, measured on the upper branch, begins on the lower
+    fit = identification.fit(amplitudes(), start, near=other, weights=[*[1.0] * 3, 0.0, *[1.0] * 5], noise=0.01)
+    assert fit.residuals[3] < -1.0
+    assert np.abs(np.delete(fit.residuals, 3)).max() < 1e-6
+    with pytest.raises(ValueError, match="a solution for each of the 9 responses"):
+        identification.fit(amplitudes(), start, near=near[:2])

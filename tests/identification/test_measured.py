@@ -97,6 +97,14 @@ def test_the_picture_shows_points_and_residuals(fit):
     assert "cubic" in above.get_title(loc="left")
 
 
+def test_what_no_values_explain_is_not_said_to_have_converged(problem, measured):
+    in_hertz = Measurements(measured.omega / (2.0 * np.pi), measured.amplitude)
+    variables = Variables({"cubic": (0.01, 0.5), "force": (0.05, 0.5)})
+    fit = identify(problem, variables, in_hertz, "x", start={"cubic": 0.1, "force": 0.2})
+    assert not fit.converged
+    assert "look at the units" in fit.message
+
+
 @pytest.mark.slow
 def test_stiffness_and_prestrain_of_a_wing_come_back_from_its_lift():
     true = {"stiffness": 250.0, "prestrain": 0.008}

@@ -83,7 +83,8 @@ def realise(
     n_lags : int
         Number of lag states.
     mass : array_like, shape (N+1, N+2)
-        M, the load of the impulse itself (its time integral).
+        M, the load of the impulse itself (its time integral). Of a step of velocity that takes a short time d it is
+        ``d * (mean - 0.5 * loads[0])``, with the mean loads during the step.
     stiffness, damping : array_like, shape (N+1, N+2), optional
         K and D; by default the straight line through the last quarter of the record. The static K of a steady
         computation is better.
