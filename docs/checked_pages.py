@@ -40,9 +40,7 @@ def faults(folder: Path) -> list[str]:
     found = []
     for path, page in pages.items():
         where = path.relative_to(folder.resolve())
-        for address in page.fetched:
-            if urlsplit(address).netloc:
-                found.append(f"{where}: asks the network for {address}")
+        found += [f"{where}: asks the network for {each}" for each in page.fetched if urlsplit(each).netloc]
         for address in [*page.fetched, *page.links]:
             parts = urlsplit(address)
             if parts.scheme or parts.netloc:
