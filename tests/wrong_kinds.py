@@ -530,11 +530,11 @@ def examples():
         "plot.plot_signal": {"solution": w.solution, "output": "x", "ax": None},
         "plot.plot_branch": {
             "branch": w.branch, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
-            "special": True, "label": None, "color": None, "validity": None,
+            "special": True, "codes": False, "label": None, "color": None, "validity": None,
         },
         "plot.plot_diagram": {
             "diagram": w.diagram, "output": "x", "ax": None, "harmonic": 1, "per": None, "decibels": False,
-            "special": True, "validity": None,
+            "special": True, "codes": False, "validity": None,
         },
         "plot.plot_fold_curve": {"curve": w.curve, "ax": None, "label": None, "special": True},
         "plot.plot_lift_response": {"response": w.lifts, "ax": None},

@@ -49,7 +49,7 @@ for way, marker, colour in (("up", "^", "tab:blue"), ("down", "v", "tab:orange")
         style = {"markerfacecolor": face, "markeredgecolor": colour, "markersize": 8}
         label = f"flow solver, {'rising' if way == 'up' else 'falling'}, h = {h:.2f}"
         ax.plot(omegas[settled], lift[settled], marker, **style, label=label)
-        told = "flow solver: modulated, last period" if (way, cells) == ("down", 50) else None
+        told = "flow solver, modulated" if (way, cells) == ("down", 50) else None
         ax.plot(omegas[~settled], lift[~settled], "x", color="0.3", markersize=6 if cells == 25 else 9, label=told)
         for hold, value in zip(holds, lift, strict=True):
             if hold["change_over_last_period"] > 0.01:

@@ -37,13 +37,13 @@ begun, branches = time.process_time(), []
 for wing in (quasi_linear, nonlinear):
     problem = hbnlp.HarmonicBalance(wing, n_harmonics=9)
     branches.append(hbnlp.trace(problem, "omega", (0.8, 5.8), at=pitch))
-    quiet = hbnlp.solve(problem, at={**pitch, "omega": 5.6})
+    quiet = hbnlp.solve(problem, at={**pitch, "omega": 5.8})
     branches.append(hbnlp.trace(problem, "omega", (4.0, 5.8), start=quiet, direction=-1))
 balanced = time.process_time() - begun
 
 begun = time.process_time()
 march = {"at": pitch, "max_periods": 40, "periodic_tol": 1e-5, "find_jumps": False}
-resonant = branches[2].solution(0)
+resonant, quiet = branches[2].solution(0), branches[3].at(5.6)[0]
 up = hbnlp.sweep(nonlinear, "omega", [1.0, 1.8, 3.3, 4.2, 5.0], start=resonant, **march)
 down = hbnlp.sweep(nonlinear, "omega", [5.6, 5.0, 4.5, 4.2], start=quiet, **march)
 integrated = time.process_time() - begun

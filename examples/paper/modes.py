@@ -63,12 +63,12 @@ assert abs(onsets[10] / onsets[20] - 1.0) < 5e-5
 figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
 for n, error in errors.items():
     left.loglog(omega, error, label=f"{n} modes")
-left.set(xlabel=r"$\omega$", title="linear lift: relative difference from twenty modes", ylim=(1e-6, 3.0))
+left.set(xlabel=r"$\omega c/U$", title="linear lift: relative difference from twenty modes", ylim=(1e-6, 3.0))
 left.legend()
 for name, marker in (("resonant", "o-"), ("quiet", "s--")):
     for k, n in enumerate((5, 10, 15)):
         error = abs(lifts[name, n] / lifts[name, 20] - 1.0)
         right.loglog(motions[name], error, marker, color=f"C{k}", markersize=4, label=f"{name}, {n} modes")
-right.set(xlabel=r"$\omega$", title="nonlinear lift at 2.5 degrees: the same", ylim=(1e-6, 3.0))
+right.set(xlabel=r"$\omega c/U$", title="nonlinear lift at 2.5 degrees: the same", ylim=(1e-6, 3.0))
 right.legend(fontsize="small")
 figure.savefig("modes.png", dpi=110)

@@ -70,6 +70,6 @@ left.set(ylabel="$|C_L|$ (first harmonic)", title="pitch amplitude 10 degrees")
 left.legend(frameon=False)
 for error, label in zip(errors, ("nonlinear, H = 3", "nonlinear, H = 7", "quasi-linear, H = 7"), strict=True):
     right.semilogy(omegas[stable], error[stable], "o-", label=label)
-right.set(xlabel=r"$\omega$", ylabel=r"relative difference of $|C_L|$ from Runge-Kutta", title="stable motions")
+right.set(xlabel=r"$\omega c/U$", ylabel=r"relative difference of $|C_L|$ from Runge-Kutta", title="stable motions")
 right.legend(frameon=False)
 figure.savefig("time_integration_vs_harmonic_balance.png", dpi=110)

@@ -64,6 +64,7 @@ def plot_branch(
     per: str | None = None,
     decibels: bool = False,
     special: bool | Collection[Kind] = True,
+    codes: bool = False,
     label: str | None = None,
     color: Any = None,
     validity: Validity | None = None,
@@ -84,6 +85,8 @@ def plot_branch(
         Draw 20 log10 of the amplitude.
     special : bool or collection of Kind
         Whether to mark special points, or which kinds of them.
+    codes : bool
+        Whether the letters of its kind, LP for a fold, stand beside each mark; see `Kind`.
     label : str, optional
     color
         A colour of matplotlib, or "n_harmonics": by the number of harmonics of each step, with a bar that tells them.
@@ -101,11 +104,17 @@ def plot_branch(
     if not by_number:
         check_color(color, f", or {BY_NUMBER!r}")
     wanted = _kinds(special)
+    flag("codes", codes)
     ordinate.check(branch)
     within = _within(branch, validity)
     ax = axes(ax)
     _draw(ax, branch, ordinate, within, color=color, label=label, by_number=by_number)
-    _mark(ax, [(point, ordinate.at(point.solution, branch.periods)) for point in branch.special_points], wanted)
+    _mark(
+        ax,
+        [(point, ordinate.at(point.solution, branch.periods)) for point in branch.special_points],
+        wanted,
+        codes=codes,
+    )
     _finish(ax, axis(branch, branch.name), ordinate.label(branch, branch.periods))
     return ax
 
@@ -119,6 +128,7 @@ def plot_diagram(
     per: str | None = None,
     decibels: bool = False,
     special: bool | Collection[Kind] = True,
+    codes: bool = False,
     validity: Sequence[Validity] | None = None,
 ) -> Axes:
     """Draw the amplitude of one harmonic of an output along all branches of a diagram, each in its colour.
@@ -128,7 +138,7 @@ def plot_diagram(
     Parameters
     ----------
     diagram : Diagram
-    output, ax, per, decibels, special
+    output, ax, per, decibels, special, codes
         As for `plot_branch`.
     harmonic : int
         Of the motions that the diagram begins with, and of the same frequency on branches of twice their period.
@@ -142,6 +152,7 @@ def plot_diagram(
     result("diagram", diagram, "Diagram")
     whole_number("harmonic", harmonic, least=0)
     wanted = _kinds(special)
+    flag("codes", codes)
     if validity is not None and (not isinstance(validity, Sequence) or len(validity) != len(diagram)):
         raise refused(ValueError, "validity", validity, f"one of each of the {len(diagram)} branches, in their order")
     judged: Sequence[Validity | None] = validity or [None] * len(diagram)
@@ -156,7 +167,7 @@ def plot_diagram(
         _draw(ax, branch, ordinate, holds, begin=begin)
     met = [(junction.point, junction.branches[0]) for junction in diagram.special_points]
     levels = [ordinates[on].at(point.solution, diagram.branches[on].periods) for point, on in met]
-    _mark(ax, [(point, level) for (point, _), level in zip(met, levels, strict=True)], wanted)
+    _mark(ax, [(point, level) for (point, _), level in zip(met, levels, strict=True)], wanted, codes=codes)
     _finish(ax, axis(diagram, diagram.name), _checked(output, harmonic, per, decibels).label(diagram, base))
     return ax
 
@@ -288,7 +299,7 @@ def _draw(
         _explain(ax, "unstable", color="0.3", **UNSTABLE)
 
 
-def _mark(ax: Axes, points: Sequence[tuple[SpecialPoint, float]], wanted: Collection[Kind]) -> None:
+def _mark(ax: Axes, points: Sequence[tuple[SpecialPoint, float]], wanted: Collection[Kind], *, codes: bool) -> None:
     """Mark special points at their levels, with one legend entry a kind."""
     for kind, (marker, paint) in MARKERS.items():
         here = [(point.value, level) for point, level in points if point.kind is kind]
@@ -296,6 +307,8 @@ def _mark(ax: Axes, points: Sequence[tuple[SpecialPoint, float]], wanted: Collec
             style: dict[str, Any] = {"marker": marker, "color": paint, "markersize": 5.5, "linestyle": "none"}
             ax.plot(*np.array(here).T, **style, markeredgecolor="white", markeredgewidth=0.6, zorder=3)
             _explain(ax, kind.value, **style)
+            for place in here if codes else ():
+                ax.annotate(kind.code, place, (4.0, 4.0), textcoords="offset points", fontsize="small", color=paint)
 
 
 def _through(curve: FoldBranch) -> tuple[Array, Array]:

@@ -116,6 +116,13 @@ def test_special_points_are_marked_where_they_are_with_one_legend_entry_a_kind(a
     assert legend(bare) == ["stable", "unstable"]
 
 
+def test_letters_stand_beside_special_points_if_asked_for(branch):
+    ax = branch.plot("x", codes=True)
+    assert [text.get_text() for text in ax.texts] == ["LP", "LP"]
+    assert [text.xy[0] for text in ax.texts] == [p.value for p in branch.folds]
+    assert not branch.plot("x").texts
+
+
 def test_branches_share_axes_and_legend_entries(branch):
     _, ax = plt.subplots()
     other = trace(HarmonicBalance(duffing(force=0.1), 5), "omega", (0.5, 1.6))
@@ -288,6 +295,16 @@ def test_a_time_sweep_is_drawn_as_well():
     np.testing.assert_allclose(ax.get_lines()[0].get_ydata(), np.abs(marched.harmonics("x")[:, 1]))
     assert marched.plot("x", ax=ax) is ax
     assert len(ax.get_lines()) == 2
+
+
+def test_a_sweep_without_arrows_has_gaps_where_it_jumps():
+    problem = HarmonicBalance(duffing(), 3)
+    marched = sweep(problem, "omega", np.linspace(1.3, 0.8, 26))
+    assert len(marched.jumps)
+    ax = marched.plot("x", jumps=False)
+    assert not ax.texts
+    assert len(ax.get_lines()) == 1 + len(marched.jumps)
+    assert len(marched.plot("x").texts) == len(marched.jumps)
 
 
 def test_a_fold_curve_is_drawn_in_its_plane_with_its_events(branch):
