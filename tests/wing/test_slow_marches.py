@@ -58,6 +58,25 @@ def test_every_jump_of_a_march_has_a_special_point_of_the_traced_motions_in_its_
 
 
 @marches
+def test_a_march_by_integration_falls_where_a_march_through_the_diagram_does(membrane, way):
+    march, legs = stored(f"march_{membrane}_{way}"), stored(f"falls_{membrane}")
+    legs = legs[(legs["way"] == way) & np.isfinite(legs["falls_at"])]
+    brackets = [sorted(march["omega"][i - 1 : i + 1]) for i in np.flatnonzero(march["jump"])]
+    assert len(legs) == len(brackets)
+    for leg, (low, high) in zip(legs, brackets, strict=True):
+        # along modulated motions the diagram's march goes in steps of one per cent
+        slack = 0.03 if leg["next"] == "lost" else 0.0
+        assert low * (1.0 - slack) < leg["falls_at"] < high * (1.0 + slack)
+
+
+@membranes
+def test_the_ends_of_the_intervals_are_special_points_at_which_stability_changes(membrane):
+    for interval in np.atleast_1d(stored(f"intervals_{membrane}")):
+        for value, kind in ((interval["low"], interval["at_low"]), (interval["high"], interval["at_high"])):
+            assert kind == "end" or np.min(abs(ends(membrane) / value - 1.0)) < 1e-6
+
+
+@marches
 def test_a_march_and_the_traced_motions_agree_to_half_a_per_cent_where_it_has_settled(membrane, way):
     march, stretches = stored(f"march_{membrane}_{way}"), stable_stretches(membrane)
     settled = (march["change"] < SETTLED) & (march["between"] < MODULATED * march["lift_1"])
