@@ -14,8 +14,9 @@ from matplotlib.figure import FigureBase
 
 from hbnlp.core.checks import flag, instance_of, whole_number
 from hbnlp.core.types import Array
+from hbnlp.plot.along import Ordinate
 from hbnlp.plot.arguments import result
-from hbnlp.plot.branches import _level, plot_branch
+from hbnlp.plot.branches import plot_branch
 from hbnlp.plot.motions import plot_phase
 from hbnlp.plot.shapes import WING, plot_shape
 
@@ -147,7 +148,9 @@ def plot_clicked(
     flag("decibels", decibels)
     if not len(branch):
         raise ValueError(f"the branch has no points to click on: {branch.message}")
-    levels = _level(branch, output, harmonic, per, decibels)
+    ordinate = Ordinate(output=output, harmonic=harmonic, per=per, decibels=decibels)
+    ordinate.check(branch)
+    levels = ordinate.of(branch)
     panel: FigureBase
     if ax is None:
         whole = plt.figure(figsize=(11.0, 4.4), layout="constrained")
