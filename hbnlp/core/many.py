@@ -16,7 +16,7 @@ CARRYING = 16
 """So many first calls carry the function, as nobody has it yet; later ones do where a worker asks."""
 
 _GONE = (
-    "a worker ended: there was no memory left, or it was killed, or could not start, as where a script starts processes "
+    "a worker ended: there was no memory left, or it was killed, or could not start, as if a script starts processes "
     "outside of `if __name__ == '__main__':`"
 )
 
