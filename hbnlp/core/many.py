@@ -15,6 +15,11 @@ from hbnlp.core.sent_once import Answer, Call, UnreadableTaskError, answered, pa
 CARRYING = 16
 """So many first calls carry the function, as nobody has it yet; later ones do where a worker asks."""
 
+_GONE = (
+    "a worker ended: there was no memory left, or it was killed, or could not start, as if a script starts processes "
+    "outside of `if __name__ == '__main__':`"
+)
+
 Take = Callable[[int, Any], None]
 """Is given the number of a call, and its value or, if it did not come about, the error."""
 
@@ -82,6 +87,8 @@ class _Calls:
         """Have taken what came of a call, and return its number; None if it is sent again."""
         number = self.pending.pop(future)
         error = future.exception()
+        if isinstance(error, BrokenExecutor):
+            error.add_note(_GONE)
         if isinstance(error, BrokenExecutor | CancelledError | KeyboardInterrupt | UnreadableTaskError):
             raise error
         if error is None and future.result().unknown:

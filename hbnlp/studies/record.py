@@ -78,6 +78,8 @@ class Study(ReadOnlyArrays):
     def __getitem__(self, index: int | tuple[int, ...]) -> Any:
         """Return the result at a point by its number, or by its place along each direction of the grid.
 
+        Where the task failed, or was not done, it is None.
+
         Raises
         ------
         ValueError

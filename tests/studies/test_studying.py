@@ -95,6 +95,7 @@ def test_workers_that_are_gone_end_the_study_with_what_there_is():
             hbnlp.study(jobs.ending, over=NUMBERS, executor=workers)
         assert caught.value.result.results[:3] == (0, 1, 2)
         assert not caught.value.result.complete
+        assert "a worker ended: there was no memory left" in caught.value.__cause__.__notes__[0]
 
 
 # -- folders -----------------------------------------------------------------------------------------------------------
