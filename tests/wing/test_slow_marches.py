@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hbnlp
+
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "validation" / "results"
 MEMBRANES = ("quasi_linear",)
 SETTLED = 2.5e-3
@@ -114,10 +116,43 @@ def test_the_ends_of_the_quasi_linear_motions_at_two_and_a_half_degrees():
         assert np.min(abs(ends("quasi_linear") / value - 1.0)) < 1e-5
 
 
-def test_the_full_membrane_is_left_at_the_folds_of_its_motions():
-    march, found = stored("march_nonlinear_up"), ends("nonlinear")
-    (first, second) = [np.sort(march["omega"][i - 1 : i + 1]) for i in np.flatnonzero(march["jump"])]
-    assert np.any((first[0] < found) & (found < first[1]) & (abs(found - 7.60533) < 1e-4))
-    # the march falls 0.03 per cent before the traced fold, whose error of truncation is 0.01 per cent
-    assert abs(second[1] / 15.96724 - 1.0) < 5e-4
-    assert np.min(abs(found - 15.96724)) < 1e-4
+@pytest.mark.parametrize(("way", "folds"), [("up", (7.60533, 15.96724, 45.43943)), ("down", (4.54771,))])
+def test_the_full_membrane_is_left_at_the_folds_of_its_motions(way, folds):
+    march, found = stored(f"march_nonlinear_{way}"), ends("nonlinear")
+    brackets = [sorted(march["omega"][i - 1 : i + 1]) for i in np.flatnonzero(march["jump"])]
+    for fold in folds:
+        assert np.min(abs(found / fold - 1.0)) < 1e-6
+        assert any(low < fold < high for low, high in brackets)
+
+
+def ends_of_motions(membrane):
+    """Return {(end, variant): omega} of the kept table."""
+    rows = stored(f"ends_{membrane}")
+    return {(row["end"], row["variant"]): row for row in rows if np.isfinite(row["omega"])}
+
+
+def test_the_ends_of_the_motions_do_not_hang_on_the_tolerance():
+    table = ends_of_motions("quasi_linear")
+    for (end, variant), row in table.items():
+        if variant.startswith("tolerance"):
+            assert abs(row["omega"] / table[end, "as is"]["omega"] - 1.0) < 1e-6
+
+
+def test_the_ends_of_the_motions_have_critical_multipliers():
+    for row in ends_of_motions("quasi_linear").values():
+        multiplier = complex(row["multiplier"])
+        assert abs(abs(multiplier) - 1.0) < 1e-3
+        assert row["kind"] == "Neimark-Sacker" or abs(multiplier - 1.0) < 1e-3
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_a_short_trace_with_nine_harmonics_comes_to_the_kept_beginning_of_the_quiet_motion(full):
+    rom = hbnlp.aero.flat_plate_re100(full=full)
+    membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
+    problem = hbnlp.HarmonicBalance(hbnlp.membrane_wing(membrane, rom), 9)
+    quiet = hbnlp.solve(problem, at={"pitch_amplitude": np.radians(2.5), "omega": 10.0})
+    points = (each.special_points for each in hbnlp.Tracer(quiet, "omega", (10.0, 4.0), stability=None))
+    fold = next(found[0] for found in points if found)
+    kept = ends_of_motions("quasi_linear")[4.5771, "all poles" if full else "as is"]
+    assert (fold.kind.value, kept["kind"]) == ("fold", "fold")
+    assert fold.value == pytest.approx(kept["omega"], rel=1e-6)
