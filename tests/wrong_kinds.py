@@ -104,7 +104,7 @@ INNER = {
     *("HarmonicBalance.with_enough_samples", "Branch.of_parts"),
     *("System.state_matrices", "Solution.with_coefficients", "Solution.image", "Tracer.branch"),
     *("HarmonicBalance.output_harmonics", "aero.Provenance.warn_outside_band", "dns.History.of", "dns.Snapshot.of"),
-    "Failure.of",
+    *("Failure.of", "System.warn_of"),
     "identification.Identification.described",
     *("dns.Grid.cell", "dns.Grid.check_inside", "dns.Grid.nodes", "dns.Simulation.restore"),
 }

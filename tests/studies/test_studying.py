@@ -233,6 +233,15 @@ def test_a_study_in_memory_is_saved_as_one_with_a_folder_is(tmp_path):
 # -- Ctrl-C ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.fixture
+def _interruptible():
+    """A process started in the background ignores Ctrl-C; Python then does not raise KeyboardInterrupt."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_interruptible")
 def test_a_task_that_was_interrupted_is_not_taken_for_done(problem, tmp_path):
     task = functools.partial(jobs.interrupted, problem)
     study = hbnlp.study(task, over={"force": [0.1, 0.2, 0.3]}, folder=tmp_path)
@@ -241,6 +250,7 @@ def test_a_task_that_was_interrupted_is_not_taken_for_done(problem, tmp_path):
     assert [path.name for path in sorted(tmp_path.iterdir())] == ["000000.Branch.npz", "study.json"]
 
 
+@pytest.mark.usefixtures("_interruptible")
 def test_an_interrupt_while_workers_work_keeps_what_is_done(pool):
     def interrupt(progress):
         if progress.counts["done"] == 2 and not progress.done:
