@@ -391,6 +391,7 @@ def examples():
         },
         "membrane_wing": {
             "membrane": w.membrane, "rom": w.rom, "pitch_axis": 0.0, "motion": None, "parameters": {"mass_ratio": 0.5},
+            "limits": None,
         },
         "peaks": {"branch": w.branch, "output": "x", "harmonic": 1, "problem": None},
         "relation": {"a": w.solution, "b": w.solution, "tol": 1e-6},

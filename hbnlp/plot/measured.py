@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from hbnlp.plot.arguments import result
+from hbnlp.plot.arguments import axis, result
 from hbnlp.plot.branches import plot_branch
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def plot_measured_fit(fit: MeasuredFit) -> Figure:
     below.axhline(0.0, color="0.5", linewidth=0.8)
     wide = 0.04 * float(np.ptp(measured.omega))
     below.set(
-        xlabel=r"$\omega$", ylabel=r"residual $/\,\sigma$", ylim=(-largest, largest),
+        xlabel=axis(fit.branch, "omega"), ylabel=r"residual $/\,\sigma$", ylim=(-largest, largest),
         xlim=(measured.omega.min() - wide, measured.omega.max() + wide),
     )  # fmt: skip
     return figure
