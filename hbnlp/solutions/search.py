@@ -251,13 +251,7 @@ class _Run:
     def _away(self) -> Callable[[Array], Array | None]:
         """Return what leads from a start to a root that is not known."""
         motions = self._motions
-        return partial(
-            deflated_newton,
-            motions.searched,
-            self._values,
-            known=motions.poles(),
-            max_iterations=self._options.max_iterations,
-        )
+        return partial(_found_from, motions.searched, self._values, motions.poles(), self._options.max_iterations)
 
     def _done(self, start: int, scale: float) -> Report:
         """Search around what is new, keep where the search is then, and say it."""
@@ -297,6 +291,12 @@ class _Run:
             ),
             problem=problem,
         )
+
+
+def _found_from(
+    problem: HarmonicBalance, values: Array, known: list[Array], max_iterations: int, start: Array
+) -> Array | None:
+    return deflated_newton(problem, values, start, known, max_iterations)
 
 
 def _message(ending: Ending, tried: int, n_starts: int) -> str:
