@@ -15,8 +15,8 @@ its tension cut after the square of the slope, is 1.3 per cent off at :math:`\om
 full one has 0.1 and 0.04: it is that truncation, not the one of the harmonics, that makes the difference, and it
 grows with the camber.
 
-*What it costs.* A point integrated costs some hundred times as much as one traced (the ratio is printed): the steps
-must resolve the fastest lag state, the periods the slowest decay. And integration shows no unstable motion.
+*What it costs.* A point integrated costs some forty times as much as one traced with its stability: the steps must
+resolve the fastest lag state, the periods the slowest decay. And integration shows no unstable motion (dashed).
 """
 
 import time

@@ -13,8 +13,8 @@ branches, which :doc:`all_solutions` finds by a search.
 
 *Unsafe to use* (shaded): the camber of the first resonant motion exceeds a tenth of the chord, where the quasi-linear
 membrane is no model any more: an event of the branch, followed in both parameters down to 1.18 degrees, below which
-the motion traced from low frequencies is the quiet one. The band of the aerodynamic model, :math:`\omega` from 0.01 to
-1000, holds every harmonic drawn here.
+the motion traced from low frequencies is the quiet one. To the right it holds as far as that motion exists. The band of
+the aerodynamic model, :math:`\omega` from 0.01 to 1000, holds every harmonic drawn here.
 
 *How much depends on the harmonics.* The tongues are drawn with one harmonic; broken lines are the folds with three. All
 seven are there again, each cusp within 0.1 per cent in frequency and one per cent in amplitude; the map of the onsets
