@@ -228,8 +228,10 @@ class Diagram(Tabular):
         branch : int, optional
             The number of the branch that it begins on, where several have a stable motion there; by default the first.
         integrated : bool
-            Whether integration in time from the end of a stretch tells where the march falls to. Without, it does so
-            where there is one stable motion alone, and lists them where there are several.
+            Whether integration in time from the end of a stretch tells where the march falls to, and whether it does so
+            from modulated motions, along which it integrates for a hundred periods at each per cent of the parameter.
+            Without, it falls where there is one stable motion alone, and lists them where there are several; modulated
+            motions are taken to last until the motion is stable again.
         max_periods : int
             Periods of the forcing that such an integration may take.
 
