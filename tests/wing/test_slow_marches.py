@@ -17,6 +17,7 @@ SETTLED = 2.5e-3
 """Change of the state over twelve units of time."""
 MODULATED = 0.01
 """Lift between the harmonics of the pitch, relative to the first of them."""
+both = pytest.mark.parametrize("membrane", ["quasi_linear", "nonlinear"])
 membranes = pytest.mark.parametrize("membrane", MEMBRANES)
 marches = pytest.mark.parametrize(("membrane", "way"), [(m, way) for m in MEMBRANES for way in ("up", "down")])
 
@@ -131,15 +132,17 @@ def ends_of_motions(membrane):
     return {(row["end"], row["variant"]): row for row in rows if np.isfinite(row["omega"])}
 
 
-def test_the_ends_of_the_motions_do_not_hang_on_the_tolerance():
-    table = ends_of_motions("quasi_linear")
+@both
+def test_the_ends_of_the_motions_do_not_hang_on_the_tolerance(membrane):
+    table = ends_of_motions(membrane)
     for (end, variant), row in table.items():
         if variant.startswith("tolerance"):
             assert abs(row["omega"] / table[end, "as is"]["omega"] - 1.0) < 1e-6
 
 
-def test_the_ends_of_the_motions_have_critical_multipliers():
-    for row in ends_of_motions("quasi_linear").values():
+@both
+def test_the_ends_of_the_motions_have_critical_multipliers(membrane):
+    for row in ends_of_motions(membrane).values():
         multiplier = complex(row["multiplier"])
         assert abs(abs(multiplier) - 1.0) < 1e-3
         assert row["kind"] == "Neimark-Sacker" or abs(multiplier - 1.0) < 1e-3

@@ -12,6 +12,9 @@ takes 4 min of CPU time to explore, and some minutes more for the integrations::
     python diagram.py quasi_linear
 
 With ``--file diagram.npz`` the diagram is kept as well, whole; a run that finds the file goes on from it.
+
+What is kept of the full membrane is no run of this script: its branches 0 and 1 are from before it explored by
+`hbnlp.explore`, 2 and 3 were traced by themselves, to the end of what is stable, and it has no intervals and falls.
 """
 
 from __future__ import annotations

@@ -3,16 +3,16 @@
 A diagram that ``diagram.py`` kept tells where the stable motions begin and end. Each such end is come to anew: from a
 motion of the same branch on the stable side of it, solved again with the other tolerance, modes or ROM, a trace goes
 towards the end until it meets a special point of that kind. So a variant takes seconds, not minutes. Results in
-``../results/wing_ends_*.csv``: a line an end and variant, with its multiplier, the harmonics that it took, and how far
-the motion there may be believed (camber, error of the tension against the exact arc, see ``wing.validity``). CPU time
-on one core: 10 min for the quasi-linear membrane::
+``../results/wing_ends_*.csv``: a line an end and variant (empty if it is not met), with its multiplier, the harmonics
+that it took, and how far the motion there may be believed (camber, error of the tension against the exact arc, see
+``wing.validity``). CPU time on one core: 10 min for the quasi-linear membrane::
 
     python diagram.py quasi_linear --file wing.npz
     python ends.py quasi_linear wing.npz
 
 The variants are those of ``variants()``: tolerances of 1e-2, 1e-3 and 1e-4 of the motion; 10, 15 and 20 modes; the
 shipped ROM, reduced (as everywhere) and with all its poles, and the ROMs of the flow solver's two grids
-(``../flow_solver``).
+(``../flow_solver``). The kept ends of the full membrane were come to by `come_to` from motions that integration found.
 """
 
 from __future__ import annotations
