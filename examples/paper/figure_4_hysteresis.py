@@ -28,12 +28,11 @@ branch of its own, begins at a Neimark-Sacker point at 27.654. :doc:`figure_5_ha
 integration. These points are stored (``benchmarks/validation/membrane_wing/diagram.py`` makes them, in some minutes).
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
 import hbnlp
+from hbnlp.testing import stored_result
 
 membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
 wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
@@ -54,10 +53,7 @@ camber = [membrane.camber(s.displacement(phase / s.omega)).max() for s in map(br
 excessive = int(np.argmax(np.array(camber) > 0.1))
 limit = branch.parameter[excessive]
 
-# stored beside the examples: found from wherever in the checkout this runs
-places = (Path.cwd(), *Path.cwd().parents, Path(hbnlp.__file__).parents[1])
-results = next(place / "benchmarks" / "validation" / "results" for place in places if (place / "benchmarks").is_dir())
-path = results / "wing_points_quasi_linear.csv"
+path = stored_result("wing_points_quasi_linear.csv")
 points = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
 ends = points["omega"][points["changes"] == 1]
 stable = {

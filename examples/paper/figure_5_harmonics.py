@@ -30,21 +30,17 @@ symmetric motion has nothing in it from which Newton's method could find the asy
 14 s.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
 import hbnlp
+from hbnlp.testing import stored_result
 
-# stored beside the examples: found from wherever in the checkout this runs
-places = (Path.cwd(), *Path.cwd().parents, Path(hbnlp.__file__).parents[1])
-RESULTS = next(place / "benchmarks" / "validation" / "results" for place in places if (place / "benchmarks").is_dir())
 pitch = {"pitch_amplitude": np.radians(2.5)}
 
 
 def stored(name):
-    return np.genfromtxt(RESULTS / f"wing_{name}.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    return np.genfromtxt(stored_result(f"wing_{name}.csv"), delimiter=",", names=True, dtype=None, encoding="utf-8")
 
 
 def decibels(rows, harmonic=1):
