@@ -1,6 +1,7 @@
 """What can leave the process: systems with lambdas, problems, records, options and errors; and what cannot, and why."""
 
 import copy
+import copyreg
 import pickle
 import threading
 
@@ -214,6 +215,17 @@ def subclasses(kind):
     return {kind}.union(*(subclasses(each) for each in kind.__subclasses__()))
 
 
+@pytest.fixture
+def _own_pickling():
+    """Dask, once imported, has errors pickled in its own way, with their causes."""
+    others = {kind: how for kind, how in copyreg.dispatch_table.items() if issubclass(kind, BaseException)}
+    for kind in others:
+        del copyreg.dispatch_table[kind]
+    yield
+    copyreg.dispatch_table.update(others)
+
+
+@pytest.mark.usefixtures("_own_pickling")
 def test_every_error_keeps_its_message_attributes_and_notes():
     arguments = {
         hbnlp.ConvergenceError: ("no", [1]),

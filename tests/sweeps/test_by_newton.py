@@ -216,7 +216,7 @@ def test_a_sweep_interrupted_at_once_is_empty(problem, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hbnlp.sweeps.by_newton.solve", interrupted)
+    monkeypatch.setattr("hbnlp.sweeps.by_newton.solved", interrupted)
     part = sweep(problem, "omega", OMEGAS)
     assert len(part) == 0
     assert part.coefficients.shape == (0, *problem.shape)
