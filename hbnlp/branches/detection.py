@@ -112,7 +112,8 @@ class Detector:
 
         place = _dip(earlier, here, there, look)
         if place is None and all(self._floquet(curve, point, evaluator).converged for point in (before, after)):
-            place = hidden_crossing(earlier, here, there, look, evaluator.options.tol)
+            known = [Spectrum(at, self._floquet(curve, point, evaluator).multipliers) for at, point in seen.items()]
+            place = hidden_crossing(earlier, here, there, look, evaluator.options.tol, seen=known)
         along = before.tangent / before.scale**2
         if place is None:
             kinds = crossings(*(self._floquet(curve, point, evaluator) for point in (before, after)))

@@ -7,7 +7,7 @@ changes sign. Parabolas through these tell what the two do in between, and the p
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +53,8 @@ def hidden_crossing(
     later: Spectrum,
     look: Callable[[float], ComplexArray | None],
     margin: float,
+    *,
+    seen: Sequence[Spectrum] = (),
 ) -> float | None:
     """Return a place in a step at which more multipliers are unstable than at both its ends, or fewer; None if none is.
 
@@ -65,28 +67,37 @@ def hidden_crossing(
         something.
     margin : float
         How far from the unit circle a multiplier has to be.
+    seen : sequence of Spectrum
+        Those that are known within the step already.
     """
     fewest, most = sorted((unstable(here.multipliers, margin), unstable(later.multipliers, margin)))
-    known, place = [here, later], 0.5 * (here.place + later.place)
-    if earlier is not None:
+    known = sorted([here, *seen, later], key=lambda each: each.place)
+    place: float | None = 0.5 * (here.place + later.place)
+    if seen:
+        place = _likeliest(known, later.place - here.place, margin)
+    elif earlier is not None:
         expected = _forecast((earlier, here, later), here.place, margin)
-        if expected is None:
-            return None
-        place = expected.place
-    closest = CLOSE * (later.place - here.place)
+        place = expected.place if expected is not None else None
     for _ in range(MOST_LOOKS):
-        seen = look(place)
+        if place is None:
+            return None
+        there = look(place)
         # what is nearer to the circle than the margin is neither outside nor inside: a step that ended there would
         # begin and end with a crossing that it does not enclose
-        if seen is None or unstable(seen, margin) > most or unstable(seen, -margin) < fewest:
+        if there is None or unstable(there, margin) > most or unstable(there, -margin) < fewest:
             return place
-        known = sorted([*known, Spectrum(place, seen)], key=lambda each: each.place)
-        nearby = [_forecast(three, three[0].place, margin) for three in zip(known, known[1:], known[2:], strict=False)]
-        expected = max((each for each in nearby if each is not None), default=None)
-        if expected is None or min(abs(expected.place - each.place) for each in known) < closest:
-            return None
-        place = expected.place
+        known = sorted([*known, Spectrum(place, there)], key=lambda each: each.place)
+        place = _likeliest(known, later.place - here.place, margin)
     return None
+
+
+def _likeliest(known: Sequence[Spectrum], length: float, margin: float) -> float | None:
+    """Return where between known places of a step a crossing most probably hides; None if nothing more is expected."""
+    nearby = [_forecast(three, three[0].place, margin) for three in zip(known, known[1:], known[2:], strict=False)]
+    expected = max((each for each in nearby if each is not None), default=None)
+    if expected is None or min(abs(expected.place - each.place) for each in known) < CLOSE * length:
+        return None
+    return expected.place
 
 
 def unstable(multipliers: ComplexArray, margin: float) -> int:

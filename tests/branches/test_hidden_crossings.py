@@ -31,7 +31,7 @@ def test_tongues_down_to_a_relative_width_of_1e_4_are_found_wherever_they_are(se
     low, high = np.array([0.85, 1.15]) * centre * (1 if twice else 2)
     span = (low, high) if rng.random() < 0.5 else (high, low)
     branch = hbnlp.trace(hbnlp.HarmonicBalance(system, int(rng.choice([1, 3, 5]))), "omega", span)
-    assert [point.kind.code for point in branch.special_points] == ["BP", "BP"] if twice else ["PD", "PD"]
+    assert [point.kind.code for point in branch.special_points] == (["BP", "BP"] if twice else ["PD", "PD"])
     assert np.ptp([point.value for point in branch.special_points]) / np.mean(span) == pytest.approx(width, rel=0.05)
     assert not branch.stable.all()
 
