@@ -36,6 +36,7 @@ READING_ORDER = {
         "identify_membrane",
         "identify_from_table",
         "rom_from_data",
+        "linear_control",
     ),
     "oscillators": (
         "duffing_hysteresis",

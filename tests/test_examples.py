@@ -1,16 +1,11 @@
 """The form of the examples. They run, warn of nothing and meet their own assertions once, as the gallery is built."""
 
-import functools
+import pkgutil
 import re
 from pathlib import Path
 
 import pytest
 from gallery_pages import READING_ORDER
-
-import hbnlp
-import hbnlp.design
-import hbnlp.dns
-import hbnlp.identification
 
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(FOLDER.rglob("*.py"))
@@ -42,7 +37,7 @@ def test_the_names_that_an_example_takes_from_the_package_exist(script):
     names = set(re.findall(r"\bhbnlp((?:\.\w+)+)", code_of(script)))
     assert names or "from hbnlp import" in code_of(script)
     for name in names:
-        functools.reduce(getattr, name.split(".")[1:], hbnlp)
+        pkgutil.resolve_name(f"hbnlp{name}")
 
 
 def test_each_example_has_its_place_in_a_folder_of_the_gallery():
