@@ -159,3 +159,16 @@ def test_a_short_trace_with_nine_harmonics_comes_to_the_kept_beginning_of_the_qu
     kept = ends_of_motions("quasi_linear")[4.5771, "all poles" if full else "as is"]
     assert (fold.kind.value, kept["kind"]) == ("fold", "fold")
     assert fold.value == pytest.approx(kept["omega"], rel=1e-6)
+
+
+@membranes
+def test_the_first_tongue_begins_at_the_traced_fold_of_the_quiet_motion(membrane):
+    tongue = stored(f"tongue_{membrane}")
+    line = tongue[tongue["event"] == ""]
+    (cusp,) = tongue[tongue["event"] == "cusp"]
+    assert line["degrees"].min() < cusp["degrees"] < 1.25
+    # from the cusp on to the quiet motion's side, on which omega rises with the amplitude
+    side = line[np.argmin(np.hypot(line["omega"] - cusp["omega"], line["degrees"] - cusp["degrees"])) :]
+    omega = np.interp(2.5, side["degrees"], side["omega"])
+    assert np.min(abs(ends(membrane) - omega)) < 2e-3 * omega
+    assert np.all(line["truncation_error"] <= 1e-3)

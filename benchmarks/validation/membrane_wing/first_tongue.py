@@ -1,0 +1,56 @@
+"""Follow the folds of the paper's wing's first tongue, to a tolerance, in frequency and amplitude of the pitch.
+
+From the fold at which the quiet motion begins at 2.5 degrees, to both sides: over the cusp along the lower edge of the
+resonant motion, and up. Results in ``../results/wing_tongue_*.csv``: a line a point, with the harmonics that it took
+and its error of truncation, and one for each cusp, birth and merge of an isola, named in the last column. CPU time on
+one core: 50 s for the quasi-linear membrane; for the full one more than 8 min, its results are not kept::
+
+    python first_tongue.py quasi_linear
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+import numpy as np
+from diagram import TOLERANCE, write
+from march import MEMBRANES, PITCH, RESULTS
+
+import hbnlp
+
+COLUMNS = ("omega", "degrees", "n_harmonics", "truncation_error", "event")
+
+
+def fold_of_the_quiet_motion(wing: hbnlp.System) -> hbnlp.SpecialPoint:
+    """Return the fold from a motion near it, which has the quiet one's first harmonic."""
+    at = {"pitch_amplitude": PITCH}
+    branch = hbnlp.trace(hbnlp.HarmonicBalance(wing, 1), "omega", (0.5, 60.0), at=at, stability=None)
+    quiet = min(branch.at(5.0), key=lambda solution: float(abs(solution.harmonics("W1")[1])))
+    problem = hbnlp.HarmonicBalance(wing, tolerance=TOLERANCE)
+    motion = hbnlp.solve(problem, at={"omega": 5.0, **at}, start=quiet)
+    return hbnlp.trace(motion, "omega", (5.0, 4.0), stability=None).folds[0]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("membrane", choices=MEMBRANES)
+    given, clock = parser.parse_args(), time.process_time()
+    membrane = MEMBRANES[given.membrane](mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
+    fold = fold_of_the_quiet_motion(hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100()))
+    span = (np.radians(0.5), np.radians(8.0))
+    curve = hbnlp.follow(fold, "pitch_amplitude", limits=(0.5, 60.0), span=span)
+    rows: list[list[object]] = []
+    for i in range(len(curve)):
+        place = [f"{curve.first[i]:.8g}", f"{np.degrees(curve.second[i]):.8g}"]
+        rows.append([*place, curve.n_harmonics[i], f"{curve.truncation_error[i]:.1e}", ""])
+    rows.extend(
+        [f"{event.first:.8g}", f"{np.degrees(event.second):.8g}", "", "", event.kind.value] for event in curve.events
+    )
+    write(RESULTS / f"wing_tongue_{given.membrane}.csv", COLUMNS, rows)
+    sys.stderr.write(f"{time.process_time() - clock:.0f} s of CPU\n{curve}\n")
+
+
+if __name__ == "__main__":
+    main()
