@@ -55,8 +55,8 @@ def attempted(task: Task, point: Mapping[str, Value]) -> Any:
         try:
             with interrupts_at_once():
                 result = call(task, point)
-        except Exception as error:  # noqa: BLE001 - of one of many points, which tells it
-            result = Failure.of(in_users_words(error))
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - of one of many points, which tells it
+            result = Failure.of(in_users_words(error) if isinstance(error, Exception) else error)
         if INTERRUPTS.arrived > before:
             raise KeyboardInterrupt
     return result

@@ -20,7 +20,7 @@ from hbnlp.core.tasks import COMPLETE, UNDER_WAY, Ending, Report, drive
 from hbnlp.studies.outcomes import Failure, attempted
 from hbnlp.studies.points import Points, Value
 from hbnlp.studies.record import Study, study_of
-from hbnlp.studies.storing import Folder, described
+from hbnlp.studies.storing import Folder, check_known, described
 
 logger = logging.getLogger(__name__)
 
@@ -65,11 +65,19 @@ def study(
     Raises
     ------
     TypeError, ValueError
-        For arguments of another kind, a task that cannot be sent, points that are none, a folder of another study.
+        For arguments of another kind, a task that cannot be sent or, with a folder, told from others, points that are
+        none, a folder of another study.
     LoadError
         (A `ValueError`.) If the folder has other files and does not say of which study it is.
+    RuntimeError
+        If the executor is shut down.
     TaskError
-        If the workers are gone, or a result cannot be written as what it is; its ``result`` is the study so far.
+        If the workers are gone, or a result cannot be written as what it is; its ``result`` is the study so far. Before
+        the first point is done such an error is raised as it is.
+
+    Notes
+    -----
+    What a task warns of, it warns of at each point, where it is done.
     """
     accepted = 'a function of at={"force": 0.1}, such as functools.partial(hbnlp.trace, problem, "omega", (0.3, 3.0))'
     instance_of("task", task, Callable, accepted)
@@ -79,6 +87,7 @@ def study(
     about = described(task)
     if folder is not None:
         file_name("folder", folder)
+        check_known(task)
     kept = None if folder is None else Folder(folder, about, points)
     found = {} if kept is None else kept.found(_problem_of(task))
     known = {i: outcome for i, outcome in found.items() if i < len(points.all) and not isinstance(outcome, Failure)}

@@ -20,6 +20,7 @@ from hbnlp.aero.rom import AeroROM
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.fold_curves import FoldBranch
+from hbnlp.core.checks import refused
 from hbnlp.core.errors import LoadError, SaveError
 from hbnlp.core.files import write_text
 from hbnlp.core.storage import as_text, refuse_irregular, refused_as_unreadable
@@ -45,31 +46,58 @@ _RECORDS: dict[str, Any] = {
 }
 
 
+UNKNOWN = "known by its name alone"
+"""What is said of a part of a task that can be another one under the same name."""
+
+
 def described(task: Callable[..., Any]) -> dict[str, Any]:
     """Return a task as text, by which a folder knows it: its name, and what a `functools.partial` fixes.
 
-    What is not a number or a text is known by a hash of all that it is. What a function does inside is not looked at.
+    What is not a number or a text is known by a hash of all that it is, an object that is called, or whose method is,
+    among it. What a function does inside is not looked at.
     """
     if isinstance(task, functools.partial):
         inner = described(task.func)
-        arguments = [*enumerate(task.args), *task.keywords.items()]
+        arguments = [*enumerate(task.args), *sorted(task.keywords.items())]
         more = {str(name): _described(value) for name, value in arguments}
         return {"function": inner["function"], "arguments": {**inner["arguments"], **more}}
+    its = getattr(task, "__self__", None if hasattr(task, "__qualname__") else task)
     named = task if hasattr(task, "__qualname__") else type(task)
     place, name = str(named.__module__), str(named.__qualname__)
     package = __name__.partition(".")[0]
     if getattr(sys.modules[package], name, None) is named:  # hbnlp.trace, wherever it is defined
         place = package
-    return {"function": f"{place}.{name}", "arguments": {}}
+    return {"function": f"{place}.{name}", "arguments": {} if its is None else {"self": _described(its)}}
+
+
+def check_known(task: Callable[..., Any]) -> None:
+    """Raise a ValueError if a task can be another one under the same name, so that a folder would take it for this."""
+    about = described(task)
+    unknown = [name for name, said in about["arguments"].items() if UNKNOWN in said]
+    if about["function"].endswith("<lambda>") or unknown:
+        what = f"its argument {unknown[0]!r}" if unknown else "a lambda"
+        raise refused(
+            ValueError,
+            "task",
+            task,
+            f"with a folder one that can be told from others: {what} is {UNKNOWN}. Use functions that a module defines "
+            "by def, and arguments that can be pickled",
+        )
 
 
 def _described(value: Any) -> str:
     if value is None or isinstance(value, bool | int | float | str):
         return repr(value)
+    kind = type(value).__name__
+    if isinstance(value, Mapping | list | tuple | set | frozenset):  # equal ones may be pickled differently
+        items = (f"{name!r}: {_described(each)}" for name, each in value.items()) if isinstance(value, Mapping) else ()
+        parts = [*items] if isinstance(value, Mapping) else [_described(each) for each in value]
+        ordered = parts if isinstance(value, list | tuple) else sorted(parts)
+        return f"{kind}({', '.join(ordered)})"
     try:
-        return f"{type(value).__name__} {hashlib.sha256(pickle.dumps(value)).hexdigest()[:16]}"
+        return f"{kind} {hashlib.sha256(pickle.dumps(value)).hexdigest()[:16]}"
     except Exception:  # noqa: BLE001 - of whatever class it is; it stays in this process
-        return type(value).__name__
+        return f"{kind}, {UNKNOWN}"
 
 
 class Folder:
@@ -140,7 +168,7 @@ class Folder:
 
     def _check(self, found: Mapping[str, Any]) -> None:
         ours = json.loads(as_text(self._about))
-        differs = [name for name in ours if ours[name] != found[name]]
+        differs = [name for name in ours if json.dumps(ours[name]) != json.dumps(found[name])]  # a grid in its order
         if not differs:
             return
         what = "other points"

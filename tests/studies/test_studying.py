@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import hbnlp
+from hbnlp.studies.storing import described
 
 OVER = {"damping_ratio": [0.1, 0.15], "force": [0.1, 0.2, 0.3]}
 NUMBERS = {"number": list(range(6))}
@@ -200,8 +201,12 @@ RESULT = {
 }
 
 
+def result_at(at):
+    return RESULT
+
+
 def test_values_are_loaded_as_they_were_without_pickle(tmp_path):
-    hbnlp.study(lambda at: RESULT, over=[{"case": "only"}], folder=tmp_path)
+    hbnlp.study(result_at, over=[{"case": "only"}], folder=tmp_path)
     (loaded,) = hbnlp.Study.load(tmp_path)
     assert repr(loaded) == repr(RESULT)
     assert loaded["single"].dtype == np.float32
@@ -210,7 +215,63 @@ def test_values_are_loaded_as_they_were_without_pickle(tmp_path):
 
 def test_what_no_file_can_hold_ends_the_study_and_says_what_can(tmp_path):
     with pytest.raises(TypeError, match="a record of hbnlp that can be saved, a number, a text"):
-        hbnlp.study(lambda at: object(), over=NUMBERS, folder=tmp_path)
+        hbnlp.study(nothing_for_a_file, over=NUMBERS, folder=tmp_path)
+
+
+def nothing_for_a_file(at):
+    return object()
+
+
+def at_both(at):
+    return 1000 * at["a"] + at["b"]
+
+
+def test_a_grid_in_another_order_is_another_study(tmp_path):
+    hbnlp.study(at_both, over={"a": [1, 2], "b": [10, 20]}, folder=tmp_path)
+    with pytest.raises(ValueError, match="another study, with other points"):
+        hbnlp.study(at_both, over={"b": [10, 20], "a": [1, 2]}, folder=tmp_path)
+
+
+class Power:
+    def __init__(self, exponent):
+        self.exponent = exponent
+
+    def __call__(self, at):
+        return at["number"] ** self.exponent
+
+    def run(self, at):
+        return self(at)
+
+
+@pytest.mark.parametrize("task", [Power, lambda exponent: Power(exponent).run], ids=["object", "method"])
+def test_an_object_that_is_called_is_known_by_all_that_it_is(tmp_path, task):
+    assert [*hbnlp.study(task(2), over=NUMBERS, folder=tmp_path)] == [0, 1, 4, 9, 16, 25]
+    assert hbnlp.study(task(2), over=NUMBERS, folder=tmp_path).complete
+    with pytest.raises(ValueError, match="other arguments of .*: self"):
+        hbnlp.study(task(3), over=NUMBERS, folder=tmp_path)
+
+
+def test_what_can_be_another_under_the_same_name_has_no_folder(tmp_path, problem):
+    for task, said in (
+        (lambda at: at["number"], "a lambda is known by its name alone"),
+        (trace_of(problem, events={"level": lambda s: s.amplitude_squared("x") - 1.0}), "its argument 'events' is"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            hbnlp.study(task, over=NUMBERS, folder=tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_equal_arguments_are_described_alike_whatever_their_order_and_identity():
+    one = functools.partial(jobs.own, first={"a", "b", "c"}, second={"x": [1.0, ("y",)], "z": None})
+    other = functools.partial(jobs.own, second={"z": None, "x": [1.0, ("".join("y"),)]}, first={"c", "b", "a"})
+    assert described(one) == described(other)
+    assert described(functools.partial(jobs.own, first=[1, 2])) != described(functools.partial(jobs.own, first=[2, 1]))
+
+
+def test_a_task_that_wants_to_leave_the_program_has_failed(pool):
+    for executor in (None, pool):
+        study = hbnlp.study(jobs.leaving, over={"number": [1]}, executor=executor)
+        assert (study.errors[0].kind, study.errors[0].message) == ("SystemExit", "2")
 
 
 def test_a_disc_that_is_full_ends_nothing(tmp_path, caplog, monkeypatch):
@@ -251,7 +312,7 @@ def test_a_task_that_was_interrupted_is_not_taken_for_done(problem, tmp_path):
 
 
 @pytest.mark.usefixtures("_interruptible")
-def test_an_interrupt_while_workers_work_keeps_what_is_done(pool):
+def test_an_interrupt_while_workers_work_keeps_what_is_done(pool, caplog):
     def interrupt(progress):
         if progress.counts["done"] == 2 and not progress.done:
             threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
@@ -259,6 +320,7 @@ def test_an_interrupt_while_workers_work_keeps_what_is_done(pool):
     study = hbnlp.study(jobs.slow_first, over={"number": [5, 5.5, *[0.1 + i / 100 for i in range(30)]]}, executor=pool,
                         callbacks=[interrupt])  # fmt: skip
     assert study.message.startswith("interrupted: ")
+    assert f"study: {study.message}" in caplog.text
     assert 2 <= sum(study.done) < 32
     assert [r for r in study if r is not None] == [
         10 * p["number"] for p, done in zip(study.points, study.done, strict=True) if done
