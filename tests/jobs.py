@@ -77,7 +77,7 @@ def unsendable(at):
 
 def leaving(at):
     """End the program, as a script does that was given wrong arguments."""
-    raise SystemExit(2)
+    raise SystemExit(at["number"])
 
 
 def twice(number):

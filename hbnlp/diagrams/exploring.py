@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
-from hbnlp.branches.special_points import SpecialPoint
 from hbnlp.branches.switching import switch_branch
 from hbnlp.branches.tracer import DEFAULT_STABILITY, Tracer
 from hbnlp.continuation.arclength import PseudoArclength
@@ -28,12 +27,14 @@ from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kinds import End
 from hbnlp.core.tasks import Ending, Report, drive
 from hbnlp.core.types import Array
+from hbnlp.diagrams.beginning import check_goes_on, cold_motions, first_motion
 from hbnlp.diagrams.diagram import Diagram, Junction, Origin
 from hbnlp.diagrams.meeting import (
     APART,
     branch_through,
     distance_from_origin,
     image_of,
+    is_beside_stable,
     is_crossed,
     least_size,
     place_of,
@@ -84,8 +85,8 @@ def explore(
     at : mapping, optional
         Values of the other parameters.
     start : Solution or array (n_dof, 2H+1), optional
-        Where to begin within the span, by default a cold start at ``span[0]``. Cold starts at the ends of the span
-        follow, unless ``depth`` is 0: a resonance that leaves the span comes back into it as another branch.
+        Where to begin within the span, by default a cold start at ``span[0]``; of another problem, it is solved for in
+        this one. Cold starts at the ends of the span follow, unless ``depth`` is 0: a resonance that leaves the span comes back into it as another branch.
     depth : int
         How many times to switch at a branch point or period doubling on the way to a branch; 0: one branch alone.
     max_points : int
@@ -123,7 +124,7 @@ def explore(
     ConvergenceError
         If the start does not converge.
     ValueError, KeyError, TypeError
-        For a span or a name that cannot be, and arguments of another kind.
+        For a span or a name that cannot be, arguments of another kind, and a diagram of something else to go on from.
     TaskError
         If an error is raised on the way; its ``result`` is the diagram so far, its cause is the error.
     """
@@ -153,7 +154,9 @@ def explore(
         if not low <= motion.parameters[name] <= high:
             raise refused(ValueError, "known", motion, f"solutions with {name} within the span {span}")
     parameters.values(at, but=parameters.names)  # what is wrong with them is said here
-    first = _first(problem, name, span, at, start)
+    first = first_motion(problem, name, span, at, start)
+    if resume is not None:
+        check_goes_on(resume, name, span, first, stability)
     explorer = _Explorer(
         problem,
         Errand(
@@ -172,7 +175,8 @@ def explore(
         before=resume,
     )
     others = [solved(problem, at={**first.parameters, name: each.parameters[name]}, start=each) for each in known]
-    work = explorer.work(first, others, values, search or Search())
+    ends = () if depth == 0 else span if start is not None else span[1:]
+    work = explorer.work(first, ends, others, values, search or Search())
     warn_of = problem.system.warn_of
     return drive(f"exploring {name}", work, explorer.diagram, name=name, callbacks=callbacks, warn_of=warn_of)
 
@@ -186,19 +190,6 @@ def _check_sendable(events: tuple[Event, ...]) -> None:
                 event.function,
                 "with an executor of processes a function that a module defines by its name, as def, no lambda",
             )
-
-
-def _first(
-    problem: HarmonicBalance,
-    name: str,
-    span: tuple[float, float],
-    at: Mapping[str, float] | None,
-    start: Solution | ArrayLike | None,
-) -> Solution:
-    if isinstance(start, Solution) and start.problem is not None and at is None:
-        return start
-    own = start.parameters if isinstance(start, Solution) else {}
-    return solved(problem, at={name: span[0], **own, **(at or {})}, start=start)
 
 
 class _Explorer:
@@ -246,11 +237,15 @@ class _Explorer:
 
     # -- the work -----------------------------------------------------------------------------------------------------
 
-    def work(self, first: Solution, known: Sequence[Solution], values: Array, search: Search) -> Iterator[Report]:
+    def work(
+        self, first: Solution, ends: tuple[float, ...], known: Sequence[Solution], values: Array, search: Search
+    ) -> Iterator[Report]:
         """Trace branch after branch, and report after each point."""
         yield from self._both_ways(Origin(), first)
         yield from self._crossing(0)
-        known = [*(self._at_ends(first) if self._depth else ()), *known]
+        cold, failed = cold_motions(self._problem, self._pattern.name, ends, first.parameters)
+        self._left += failed
+        known = [*cold, *known]
         for number, motion in enumerate(known):
             yield from self._beside(number, motion)
         for value in values:
@@ -258,17 +253,6 @@ class _Explorer:
             found = find_all(self._problem, at=at, method=search, executor=self._executor)
             for number, motion in enumerate(found, len(known)):
                 yield from self._beside(number, motion)
-
-    def _at_ends(self, first: Solution) -> list[Solution]:
-        """Return motions of cold starts at the ends of the span: beyond it they may be joined with the first."""
-        name, motions = self._pattern.name, []
-        for value in self._pattern.span:
-            if value != first.parameters[name]:
-                try:
-                    motions.append(solved(self._problem, at={**first.parameters, name: value}))
-                except (ConvergenceError, ArithmeticError) as error:
-                    self._left.append(f"a cold start at {name} = {value:g}: {error}")
-        return motions
 
     def _beside(self, number: int, motion: Solution) -> Iterator[Report]:
         """Trace the branch of a motion that is on none so far, and what crosses it."""
@@ -311,7 +295,7 @@ class _Explorer:
             if not begin <= parent < end:
                 continue
             point = junction.point
-            if self._beside_stable and not _is_beside_stable(point, self._branches[parent]):
+            if self._beside_stable and not is_beside_stable(point, self._branches[parent]):
                 continue
             try:
                 starts = switch_branch(point)
@@ -395,9 +379,3 @@ class _Explorer:
         value = float(at.parameter[-1]) if isinstance(at, Branch) else at.value
         points = sum(map(len, self._branches)) + (0 if isinstance(at, Branch) else n_points)
         return Report(value, min(points / self._most, 1.0), {"branches": len(self._branches), "points": points})
-
-
-def _is_beside_stable(point: SpecialPoint, branch: Branch) -> bool:
-    """Return whether the motions of a branch are stable before or after one of its special points."""
-    assert branch.stable is not None
-    return bool(branch.stable[point.index : point.index + 2].any())

@@ -37,6 +37,12 @@ def turns_into_image(point: SpecialPoint) -> bool:
     return is_crossed(point) and before * after > 0.0
 
 
+def is_beside_stable(point: SpecialPoint, branch: Branch) -> bool:
+    """Return whether the motions of a branch are stable before or after one of its special points."""
+    assert branch.stable is not None
+    return bool(branch.stable[point.index : point.index + 2].any())
+
+
 def image_of(a: Solution, b: Solution, tol: float, *, floor: float = 0.0) -> Symmetry | None:
     """Return a symmetry of the system that takes one motion to another, the identity first; None if there is none."""
     assert a.problem is not None

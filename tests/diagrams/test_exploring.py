@@ -137,6 +137,42 @@ def test_a_chain_is_explored_whole_or_up_to_a_budget_and_gone_on_with():
     assert not again.left
 
 
+def test_a_diagram_of_something_else_is_not_gone_on_with():
+    system, span = hbnlp.systems.duffing(), (0.5, 1.6)
+    problem = hbnlp.HarmonicBalance(system, 3)
+    diagram = hbnlp.explore(problem, "omega", span, depth=0)
+    for said, change in (
+        ("parameter 'force' is 0.05 here but 0.18", {"at": {"force": 0.05}}),
+        (r"resume is 'omega over \(0.5, 1.6\)'; give a diagram in omega over \(0.5, 1.7\)", {"span": (0.5, 1.7)}),
+        ("shape", {"problem": hbnlp.HarmonicBalance(system, 7)}),
+        ("made with multipliers", {"stability": None}),
+    ):
+        given = {"problem": problem, "name": "omega", "span": span, "depth": 0, **change}
+        with pytest.raises(ValueError, match=said):
+            hbnlp.explore(**given, resume=diagram)
+    again = hbnlp.explore(problem, "omega", span, depth=0, resume=diagram)
+    np.testing.assert_array_equal(again.branches[0].coefficients, diagram.branches[0].coefficients)
+
+
+def test_a_start_of_another_problem_is_solved_for_in_this_one():
+    system = hbnlp.systems.duffing()
+    problem, finer = (hbnlp.HarmonicBalance(system, n) for n in (3, 7))
+    diagram = hbnlp.explore(problem, "omega", (0.5, 1.6), depth=0, start=hbnlp.solve(finer, at={"omega": 0.9}))
+    assert {branch.coefficients.shape[2] for branch in diagram.branches} == {7}
+    other = hbnlp.solve(hbnlp.HarmonicBalance(hbnlp.systems.duffing(), 3), at={"omega": 0.9})
+    assert hbnlp.explore(problem, "omega", (0.5, 1.6), depth=0, start=other).branches[0].problem.system is system
+
+
+def test_cold_starts_are_made_at_both_ends_beside_a_start_that_is_given():
+    problem = hbnlp.HarmonicBalance(hbnlp.systems.duffing(), 3)
+    upper = max(hbnlp.trace(problem, "omega", (0.6, 1.6)).at(1.2), key=lambda each: abs(each.harmonics("x")[1]))
+    cold = hbnlp.explore(problem, "omega", (1.2, 0.6))
+    given = hbnlp.explore(problem, "omega", (1.2, 0.6), start=upper)
+    assert len(cold) == len(given) == 2
+    for diagram in (cold, given):
+        assert len(diagram.at(1.2)) == 3
+
+
 def test_no_branch_of_a_chain_is_traced_twice():
     problem = hbnlp.HarmonicBalance(hbnlp.systems.chain(3), tolerance=1e-3)
     branches = hbnlp.explore(problem, "omega", (2.5, 0.2), stability=None).branches
