@@ -47,7 +47,7 @@ print(f"flutter below a tension of {flutter:.4f}: {limit}")
 assert all((root.real.max() > 0.0) == (tension < flutter) for root, tension in zip(roots, tensions, strict=True))
 
 # %%
-# The describing function of the first mode's hardening, against its closed form and against harmonic balance.
+# The describing function of the first mode's hardening, against its closed form.
 single = hbnlp.QuasiLinearMembrane(mass_ratio=20.0, stiffness=250.0, prestrain=0.008, n_modes=1)
 amplitudes = np.linspace(0.0, 0.1, 41)[1:]
 added = hbnlp.describing_function(lambda w, v: 0.5 * single.stiffness * np.pi**4 * w**3, amplitudes).real

@@ -86,7 +86,8 @@ def explore(
         Values of the other parameters.
     start : Solution or array (n_dof, 2H+1), optional
         Where to begin within the span, by default a cold start at ``span[0]``; of another problem, it is solved for in
-        this one. Cold starts at the ends of the span follow, unless ``depth`` is 0: a resonance that leaves the span comes back into it as another branch.
+        this one. Cold starts at the ends of the span follow, unless ``depth`` is 0: a resonance that leaves the span
+        comes back into it as another branch.
     depth : int
         How many times to switch at a branch point or period doubling on the way to a branch; 0: one branch alone.
     max_points : int

@@ -103,7 +103,7 @@ class Along:
     ----------
     parameter, level : array (n,)
     marks : int array (n_points, k)
-        What of each point tells how the line after it is drawn.
+        What of each point tells how the line after it is drawn; the last column is of the whole step from it.
     """
 
     parameter: Array
@@ -130,7 +130,8 @@ class Along:
             ordinate.amplitudes(branch, branch.periods),
             [ordinate.amplitudes(point.solution, branch.periods) for point in located],
         )
-        marks = through(marks, [marks[i] for i in after])
+        # after a special point the next point tells what changes there, and the one before what is of the step
+        marks = through(marks, [[*marks[i, :-1], marks[i - 1, -1]] for i in after])
         folds = [after[k] + k for k, point in enumerate(located) if point.kind is Kind.FOLD]
         if begin is not None and len(branch):
             # known there up to the symmetries of the system: the size counts, in the phase that the branch has

@@ -142,7 +142,8 @@ def march(
             counts = {"values": len(points), "jumps": sum(p.jumped_from is not None for p in points)}
             yield Report(value, len(points) / marched.size, counts)
 
-    return drive(f"integrating along {name}", work(), result, name=name, callbacks=callbacks)
+    task = f"integrating along {name}"
+    return drive(task, work(), result, name=name, callbacks=callbacks, warn_of=system.warn_of)
 
 
 def _time_sweep(

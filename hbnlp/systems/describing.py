@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbnlp.core.checks import finite_array, real_number, refused
+from hbnlp.core.errors import NonFiniteError
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.types import ComplexArray
@@ -61,6 +62,8 @@ def describing_function(
         If an amplitude or the frequency is not above zero, or the force is not one expression of q and v.
     SamplingError
         If the force is singular on the motion.
+    NonFiniteError
+        If the force is not finite everywhere on it.
 
     Examples
     --------
@@ -81,4 +84,6 @@ def describing_function(
     for index, size in np.ndenumerate(amplitudes):
         _, cosine, sine = signal.coefficients(np.array([size, bias, omega]), 1)[0]
         found[index] = (cosine - 1j * sine) / size
+        if not np.isfinite(found[index]):
+            raise NonFiniteError(f"the force is not finite everywhere on a sine of amplitude {size:g} about {bias:g}")
     return found

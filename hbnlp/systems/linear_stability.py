@@ -17,8 +17,9 @@ from hbnlp.core.errors import LinearInstabilityWarning
 from hbnlp.core.interrupts import check_interrupts, interrupts_kept
 from hbnlp.core.renamed import renamed_arguments, renamed_name
 from hbnlp.core.types import ComplexArray
+from hbnlp.systems.dependence import depends_on_omega
 from hbnlp.systems.parameters import OMEGA
-from hbnlp.systems.system import System, depends_on_omega
+from hbnlp.systems.system import System
 
 Point = tuple[float, ComplexArray]
 

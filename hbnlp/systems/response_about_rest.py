@@ -12,9 +12,10 @@ from hbnlp.core.interrupts import check_interrupts
 from hbnlp.core.kept import by_one_thread
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_complex
+from hbnlp.systems.dependence import depends_on_omega
 from hbnlp.systems.parameters import OMEGA
 from hbnlp.systems.signals import PeriodicSignals, excitation_signals
-from hbnlp.systems.system import System, depends_on_omega
+from hbnlp.systems.system import System
 
 
 def linear_response(

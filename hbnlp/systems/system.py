@@ -19,6 +19,7 @@ from hbnlp.core.types import Array
 from hbnlp.systems.calling import called
 from hbnlp.systems.compiled_force import CompiledForce
 from hbnlp.systems.definition import Definition
+from hbnlp.systems.dependence import depends_on_omega
 from hbnlp.systems.equivariance import Equivariance
 from hbnlp.systems.expressions import (
     Force,
@@ -356,10 +357,10 @@ class System:
         equations = Equivariance(self.matrices, force, self.excitation, self.lag_state, self.lag_input, omega)
         return Invariance(equations, self.parameters, self.symmetries)
 
-    # -- copies and other processes ---------------------------------------------------------------------------------
-
     def warn_of(self, record: Any) -> None:
         """Warn, at the end of a run, of motions that the system is no model for; equations alone tell of none."""
+
+    # -- copies and other processes ---------------------------------------------------------------------------------
 
     def __reduce__(self) -> tuple[Callable[[bytes], System], tuple[bytes]]:
         """Send the definition; a process that gets the same one again returns the system that it has built from it."""
@@ -382,18 +383,6 @@ class System:
             f"  parameters: {given}\n"
             f"  outputs: {', '.join(self.output_names)}"
         )
-
-
-@by_one_thread
-def depends_on_omega(system: System, rest: ArrayLike | None = None) -> bool:
-    """Return whether the linearisation depends on omega: a matrix, or the derivative of the nonlinear force at rest."""
-    q0 = np.zeros(system.n_dof) if rest is None else finite_array("rest", rest, (system.n_dof,))
-    slope = ca.jacobian(system.force, ca.vertcat(system.q, system.v))
-    state = ca.vertcat(system.q, system.v, system.tau)
-    slope = ca.substitute(slope, state, np.concatenate([q0, np.zeros(system.n_dof + 1)]))
-    omega = system.p[system.parameters.index(OMEGA)]
-    laws = [system.mass, system.damping, system.stiffness, system.lag_output, slope]
-    return any(ca.depends_on(law, omega) for law in laws)
 
 
 _RECEIVED: Kept[System] = Kept(8)

@@ -25,6 +25,7 @@ from hbnlp.core.errors import ValidityWarning
 from hbnlp.core.kept import Kept
 from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.types import Array
+from hbnlp.core.warned import users_level
 from hbnlp.systems.definition import Definition
 from hbnlp.systems.expressions import Output
 from hbnlp.systems.parameters import ParameterSet
@@ -50,7 +51,8 @@ class MembraneWing(System):
     rom : AeroROM
         Of as many modes as the membrane.
     limits : ValidityLimits
-        Beyond them its motions are not to be believed, of which every run warns once.
+        Beyond them its motions are not to be believed, of which a run warns once: `solve`, `trace`, `sweep`, `find_all`
+        and `explore`, not `integrate`.
     """
 
     def __init__(self, membrane: Membrane, rom: AeroROM, limits: ValidityLimits, *matrices: Any, **terms: Any) -> None:
@@ -146,7 +148,8 @@ def membrane_wing(
     parameters : mapping of names to values, optional
         Values that override those above; with ``motion``, also its own parameters.
     limits : ValidityLimits, optional
-        Up to where its motions are to be believed. A run that goes beyond them gives one ValidityWarning at its end.
+        Up to where its motions are to be believed. A run that goes beyond them gives one ValidityWarning at its end
+        (`solve`, `trace`, `sweep`, `find_all`, `explore`).
 
     Returns
     -------
@@ -255,11 +258,11 @@ heave_amplitude=0, heave_phase=0, omega=?
 def _warn_of_degrees(parameters: Mapping[str, Any]) -> None:
     for name in ("pitch_amplitude", "pitch_mean"):
         value = parameters.get(name, 0.0)
-        if isinstance(value, int | float) and abs(value) > DEGREES:
+        if isinstance(value, int | float | np.number) and abs(float(value)) > DEGREES:
             warnings.warn(
                 f"{name} is {value:g} rad, which looks like degrees: give numpy.radians({value:g})",
                 ValidityWarning,
-                stacklevel=4,
+                stacklevel=users_level(),
             )
 
 

@@ -25,6 +25,7 @@ from hbnlp.systems.system import System
 from hbnlp.wing.coupling import membrane_wing
 from hbnlp.wing.lift import lift_response
 from hbnlp.wing.membrane import QuasiLinearMembrane
+from hbnlp.wing.validity import Validity, ValidityLimits
 
 
 @pytest.fixture(autouse=True)
@@ -114,6 +115,25 @@ def test_special_points_are_marked_where_they_are_with_one_legend_entry_a_kind(a
         assert same_color(drawn.get_color(), color)
     bare = absorber.plot("x1", special=False)
     assert legend(bare) == ["stable", "unstable"]
+
+
+@pytest.mark.parametrize("beyond", ["before", "after"])
+def test_a_step_over_a_fold_is_shaded_whole_if_one_of_its_ends_is_beyond(branch, beyond):
+    index = branch.folds[0].index
+    camber = np.zeros(len(branch))
+    camber[index if beyond == "before" else index + 1] = 1.0
+    found = Validity(
+        camber=camber, tension_error=0 * camber, beyond_band=0 * camber, incidence=0 * camber, limits=ValidityLimits()
+    )
+    (shaded,) = (
+        line.get_xydata()
+        for line in branch.plot("x", validity=found).lines
+        if line.get_linewidth() == 9.0 and len(line.get_xdata())
+    )
+    first = index - 1 if beyond == "before" else index
+    ends = np.column_stack([branch.parameter, abs(branch.harmonics("x")[:, 1])])[[first, first + 2]]
+    np.testing.assert_allclose(shaded[[0, -1]], ends, rtol=1e-12)
+    assert branch.folds[0].value in shaded[:, 0]
 
 
 def test_letters_stand_beside_special_points_if_asked_for(branch):

@@ -54,6 +54,11 @@ def test_it_is_harmonic_balance_with_one_harmonic():
         ((lambda q: q, 1.0), TypeError, r"it is called with \(q, v\)"),
         ((lambda q, v: [q, v], 1.0), ValueError, "force returned 2 expressions; 1 is needed"),
         ((3.0, 1.0), TypeError, "a function of"),
+        (
+            (lambda q, v: ca.sqrt(q), 2.0),
+            hbnlp.NonFiniteError,
+            "not finite everywhere on a sine of amplitude 2 about 0",
+        ),
     ],
 )
 def test_what_is_wrong_is_said(arguments, error, said):

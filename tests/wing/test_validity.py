@@ -158,6 +158,9 @@ RUNS = {
     "solve": lambda problem, at: hbnlp.solve(problem, at={"omega": 0.5, **at}),
     "trace": lambda problem, at: hbnlp.trace(problem, "omega", (0.5, 0.6), at=at),
     "sweep": lambda problem, at: hbnlp.sweep(problem, "omega", [0.5, 0.55], at=at),
+    "sweep by integration": lambda problem, at: hbnlp.sweep(
+        problem.system, "omega", [0.5, 0.55], at=at, periodic_tol=1e-3
+    ),
     "explore": lambda problem, at: hbnlp.explore(problem, "omega", (0.5, 0.6), at=at),
     "find_all": lambda problem, at: hbnlp.find_all(
         problem, at={"omega": 0.5, **at}, method=hbnlp.Search(n_starts=1), rng=np.random.default_rng(0)
