@@ -11,10 +11,6 @@ os.environ.setdefault("TQDM_DISABLE", "1")  # progress bars are for terminals, n
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")  # as in the tests: the examples themselves run side by side
 
-from numpydoc.xref import DEFAULT_LINKS
-
-import hbnlp
-
 project = "hbnlp"
 author = "The hbnlp developers"
 copyright = author
@@ -49,7 +45,6 @@ numpydoc_show_class_members = False  # the class template lists them
 # A type in a docstring is a link to its page, if it has one here: not to pages of Python and numpy.
 numpydoc_xref_param_type = True
 numpydoc_xref_ignore = "all"
-numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | {name: f"hbnlp.{name}" for name in hbnlp.__all__}
 
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
@@ -69,3 +64,13 @@ sphinx_gallery_conf = {
     "min_reported_time": 1e9,
     "write_computation_times": False,  # their tables ask the network
 }
+
+
+def setup(app):
+    """Set what takes the packages that make the pages: tests read the rest of this file without them."""
+    from numpydoc.xref import DEFAULT_LINKS
+
+    import hbnlp
+
+    own = {name: f"hbnlp.{name}" for name in hbnlp.__all__}
+    app.config.numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | own
