@@ -472,7 +472,8 @@ def examples():
         "identification.Measurements.named": {"self": w.measurements, "index": 0},
         "identification.identify": {
             "problem": w.problem, "variables": w.variables, "measurements": w.measurements, "output": "x",
-            "start": {"force": 0.2}, "harmonic": 1, "at": None, "noise": 0.01, "threshold": 4.0, "span": (0.5, 1.5),
+            "start": {"force": 0.2}, "harmonic": 1, "at": None, "weights": np.ones(len(w.measurements)), "noise": 0.01,
+            "threshold": 4.0, "span": (0.5, 1.5),
         },
         "systems.chain": {"n_masses": 2, "damping": 0.1, "cubic": 1.0, "force": 1.0},
         "systems.duffing": {"damping_ratio": 0.1, "cubic": 1.0, "force": 1.0},

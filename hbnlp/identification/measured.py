@@ -20,10 +20,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
-from hbnlp.core.checks import counted, instance_of, interval, position, real_number, refused, whole_number
+from hbnlp.core.checks import counted, finite_array, instance_of, interval, position, real_number, refused, whole_number
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, BoolArray, IntArray
@@ -65,6 +66,8 @@ class MeasuredFit(ReadOnlyArrays):
         error: they say that the fold does not come before them, but not how accurate the values are.
     output, harmonic
         What was measured.
+    weights : array (n,)
+        Of the measurements, as given.
     message : str
         What became of it, and what to do.
     """
@@ -77,6 +80,7 @@ class MeasuredFit(ReadOnlyArrays):
     at_fold: IntArray
     output: str
     harmonic: int
+    weights: Array
     message: str
 
     @property
@@ -136,6 +140,7 @@ def identify(
     start: Mapping[str, float],
     harmonic: int = 1,
     at: Mapping[str, float] | None = None,
+    weights: ArrayLike | None = None,
     noise: float | None = None,
     threshold: float = 4.0,
     span: tuple[float, float] | None = None,
@@ -160,8 +165,11 @@ def identify(
         Which one was measured.
     at : mapping of names to values, optional
         Values of other parameters.
+    weights : array (n,), optional
+        Inverse to the variances of the measurements, but for a factor; equal by default. With errors that are a part of
+        each amplitude, ``1 / measurements.amplitude**2``: otherwise good large ones are taken for wrong.
     noise : float, optional
-        Standard deviation of a measurement; by default it is estimated from the residuals.
+        Standard deviation of a measurement of weight one; by default it is estimated from the residuals.
     threshold : float
         How many standard deviations off a measurement is wrong.
     span : (float, float), optional
@@ -183,6 +191,11 @@ def identify(
     instance_of("variables", variables, Variables, "the Variables(...) to be found")
     instance_of("measurements", measurements, Measurements, "Measurements(omega, amplitude), or from a table, from_csv")
     instance_of("start", start, Mapping, "a mapping of the variables to values")
+    for name, (low, high) in zip(variables.names, variables.limits, strict=True):
+        if name in start and not low <= real_number(f"start[{name!r}]", start[name]) <= high:
+            raise refused(
+                ValueError, f"start[{name!r}]", start[name], f"a value within its limits, {low:g} to {high:g}"
+            )
     position("output", output, problem.system.output_names)
     whole_number("harmonic", harmonic, least=1, most=problem.n_harmonics, advice=", which are retained")
     real_number("threshold", threshold, least=2.0, advice=", in standard deviations")
@@ -194,13 +207,21 @@ def identify(
     wide = MARGIN * ((high - low) or low)
     given = interval("span", span, above=0.0) if span is not None else (max(low - wide, 0.3 * low), high + wide)
     problem.values(at, but=(OMEGA, *variables.names))
+    others = {**(at or {})}
+    for name in others.keys() & {OMEGA, *variables.names}:
+        raise refused(ValueError, f"at[{name!r}]", others[name], "values of parameters that are neither found nor set")
+    size = len(measurements)
+    given_weights = np.ones(size) if weights is None else finite_array("weights", weights, (size,))
+    if given_weights.min() <= 0.0:
+        raise refused(ValueError, "weights", weights, "weights above zero")
     task = Task(
         problem=problem,
         variables=variables,
         measured=measurements,
         output=output,
         harmonic=harmonic,
-        at={**(at or {})},
+        at=others,
+        weights=given_weights,
         noise=noise,
         threshold=threshold,
         span=given,
@@ -213,9 +234,9 @@ def identify(
             f"{wrong.size} of {len(measurements)} amplitudes are on no part of the branch: start nearer, or let more "
             "variables vary"
         )
-    elif outcome.fitted.found.noise > POOR * (size := float(np.sqrt(np.mean(measurements.amplitude**2)))):
+    elif (left := outcome.fitted.found.noise) > POOR * (whole := float(np.sqrt(np.mean(task.standardised**2)))):
         message = (
-            f"what the fit leaves, {outcome.fitted.found.noise:.2g}, is not small beside the amplitudes, {size:.2g}: "
+            f"what the fit leaves, {left:.2g}, is not small beside the amplitudes, {whole:.2g}: "
             "look at the units, the output and the harmonic, or start nearer"
         )
     elif outcome.rounds is None:
@@ -229,5 +250,6 @@ def identify(
         at_fold=np.flatnonzero(outcome.at_fold),
         output=output,
         harmonic=harmonic,
+        weights=given_weights,
         message=message,
     )

@@ -135,7 +135,7 @@ class Measurements(ReadOnlyArrays):
         name = repr(os.fspath(path))
         with refused_as_unreadable(path, "table of measurements"):
             refuse_irregular(Path(path))
-            rows = _rows(name, Path(path).read_text(encoding="utf-8-sig"))
+            rows = _rows(name, _text_of(path))
         header = rows[0][1]
         places = [_place(name, header, omega, "omega"), _place(name, header, amplitude, "amplitude")]
         units = [
@@ -177,14 +177,24 @@ class Measurements(ReadOnlyArrays):
         )
 
 
+def _text_of(path: str | os.PathLike[str]) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        wrong = error.object[error.start : error.start + 1]
+        raise LoadError(
+            f"{os.fspath(path)!r} is no text in UTF-8: byte {error.start} is {wrong!r}; save the table as CSV in UTF-8"
+        ) from error
+
+
 def _rows(name: str, content: str) -> list[tuple[int, list[str]]]:
     """Return the cells of the lines that have any, with the numbers of these lines; the header is the first."""
     lines = [(k, line) for k, line in enumerate(content.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if len(lines) < 2:
         raise LoadError(f"{name} has no measurements; give a header, such as omega,amplitude,way, and a row for each")
     separator = max(",;\t", key=lines[0][1].count)
-    cells = csv.reader([line for _, line in lines], delimiter=separator)
-    return [(k, [cell.strip() for cell in row]) for (k, _), row in zip(lines, cells, strict=True)]
+    reader = csv.reader([line for _, line in lines], delimiter=separator)
+    return [(lines[reader.line_num - 1][0], [cell.strip() for cell in row]) for row in reader]  # a cell may have lines
 
 
 def _place(name: str, header: list[str], wanted: str, argument: str) -> int:

@@ -46,9 +46,15 @@ class Task:
     output: str
     harmonic: int
     at: Mapping[str, float]
+    weights: Array
     noise: float | None
     threshold: float
     span: tuple[float, float]
+
+    @property
+    def standardised(self) -> Array:
+        """Amplitudes in the units in which all have the same standard deviation, (n,)."""
+        return np.asarray(np.sqrt(self.weights) * self.measured.amplitude)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,16 +133,16 @@ class Rounds:
             self._program = Identification(task.variables, task.problem, points, task.output, harmonic=task.harmonic)
         program = self._program
         weights = self._weights(np.where(assignment.beyond, 0.0, assignment.own - amplitude))
-        found = program.fit(amplitude, values, near=starts, weights=weights, noise=task.noise)
+        found = program.fit(amplitude, values, near=starts, weights=task.weights * weights, noise=task.noise)
         for _ in range(REWEIGHTED):
             before, weights = weights, self._weights(found.residuals)
             if np.abs(weights - before).max() < SETTLED:
                 break
-            found = program.fit(amplitude, found, weights=weights, noise=task.noise)
+            found = program.fit(amplitude, found, weights=task.weights * weights, noise=task.noise)
         scale = self._scale(found.residuals)
         used = self._within(found.residuals, scale)
         for _ in range(REWEIGHTED):
-            found = program.fit(amplitude, found, weights=used.astype(float), noise=task.noise)
+            found = program.fit(amplitude, found, weights=task.weights * used, noise=task.noise)
             last, scale = used, max(found.noise, self._least_scale)
             used = self._within(found.residuals, scale)
             if np.array_equal(used, last):
@@ -145,22 +151,26 @@ class Rounds:
 
     @property
     def _least_scale(self) -> float:
-        return EXACT * float(self._measured.amplitude.max())
+        return EXACT * float(self._task.standardised.max())
+
+    def _even(self, residuals: Array) -> Array:
+        """Return residuals in the units in which all have the same standard deviation."""
+        return np.asarray(np.sqrt(self._task.weights) * residuals)
 
     def _scale(self, residuals: Array) -> float:
         """Return the standard deviation of residuals, a few of which may be wrong."""
         if self._task.noise is not None:
             return self._task.noise
         n, p = residuals.size, len(self._task.variables.names)
-        found = MAD * float(np.median(np.abs(residuals))) * float(np.sqrt(n / max(n - p, 1)))
+        found = MAD * float(np.median(np.abs(self._even(residuals)))) * float(np.sqrt(n / max(n - p, 1)))
         return max(found, self._least_scale)
 
     def _weights(self, residuals: Array) -> Array:
         """Return the weights by which least squares have the gradient of the soft l1 loss."""
-        return np.asarray(1.0 / np.sqrt(1.0 + (residuals / self._scale(residuals)) ** 2))
+        return np.asarray(1.0 / np.sqrt(1.0 + (self._even(residuals) / self._scale(residuals)) ** 2))
 
     def _within(self, residuals: Array, scale: float) -> BoolArray:
-        return np.asarray(np.abs(residuals) <= self._task.threshold * scale)
+        return np.asarray(np.abs(self._even(residuals)) <= self._task.threshold * scale)
 
     def _agrees(self, done: Fitted, again: Assignment) -> bool:
         """Whether the measurements lie on the parts that the fitted amplitudes lie on, and the wrong ones on none."""
@@ -199,13 +209,14 @@ class Rounds:
 
     def _cost(self, done: Fitted, scale: float) -> float:
         """Return the sum of the squared residuals, of wrong ones the threshold's."""
-        return float(np.sum(np.minimum((done.found.residuals / scale) ** 2, self._task.threshold**2)))
+        return float(np.sum(np.minimum((self._even(done.found.residuals) / scale) ** 2, self._task.threshold**2)))
 
     def _outcome(self, done: Fitted, branch: Branch, again: Assignment, rounds: int | None) -> Outcome:
         """Return the outcome, with errors that do not rest on what lies at a fold, if the others suffice."""
         fitted = self._measured.amplitude + done.found.residuals
         folds = [again.parts[label].folds for label in again.labels]
-        near = [any(abs(a - fold) < AT_FOLD * done.scale for fold in own) for a, own in zip(fitted, folds, strict=True)]
+        widths = AT_FOLD * done.scale / np.sqrt(self._task.weights)
+        near = [any(abs(a - fold) < width for fold in own) for a, width, own in zip(fitted, widths, folds, strict=True)]
         at_fold = done.used & np.array(near)
         rest = done.used & ~at_fold
         if np.count_nonzero(rest) <= 2 * len(self._task.variables.names):
@@ -213,7 +224,7 @@ class Rounds:
         elif at_fold.any():
             assert self._program is not None
             found = self._program.described(
-                done.found.optimum, self._measured.amplitude, rest.astype(float), self._task.noise
+                done.found.optimum, self._measured.amplitude, self._task.weights * rest, self._task.noise
             )
             done = Fitted(found=found, assignment=done.assignment, used=done.used, scale=done.scale)
         return Outcome(fitted=done, branch=branch, assignment=again, at_fold=at_fold, rounds=rounds)

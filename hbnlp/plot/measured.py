@@ -36,7 +36,7 @@ def plot_measured_fit(fit: MeasuredFit) -> Figure:
         2, 1, figsize=(6.4, 5.6), height_ratios=(3, 1.2), sharex=True, layout="constrained"
     )
     plot_branch(fit.branch, fit.output, ax=above, harmonic=fit.harmonic, color="tab:blue", special=False)
-    residuals = fit.residuals / fit.identified.noise
+    residuals = np.sqrt(fit.weights) * fit.residuals / fit.identified.noise
     for way, (marker, label) in WAYS.items():
         of_way = used & np.array([each == way for each in measured.way])
         if of_way.any():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +68,9 @@ def _as_dataset(package: Any, result: Any) -> xarray.Dataset:
     if isinstance(result, package.DataArray):
         return result.to_dataset(name=result.name or RESULT)
     named = result if isinstance(result, Mapping) else {RESULT: result}
-    return package.Dataset({_name(name): _variable(_name(name), value) for name, value in named.items()})
+    variables = {_name(name): _variable(_name(name), value) for name, value in named.items()}
+    _refuse_twice({dimension for dimensions, _ in variables.values() for dimension in dimensions} & variables.keys())
+    return package.Dataset(variables)
 
 
 def _name(name: Any) -> str:
@@ -89,7 +91,16 @@ def _variable(name: str, value: Any) -> tuple[tuple[str, ...], Any]:
 
 def _apart(table: xarray.Dataset, taken: set[str]) -> dict[str, str]:
     """Return new names for what is called as a direction of the grid is."""
-    return {str(name): f"{RESULT}_{name}" for name in {*table.variables, *table.dims} if name in taken}
+    names = {*map(str, table.variables), *map(str, table.dims)}
+    renamed = {name: f"{RESULT}_{name}" for name in names & taken}
+    _refuse_twice(names & {*renamed.values()})
+    return renamed
+
+
+def _refuse_twice(names: Collection[str]) -> None:
+    """Raise a ValueError for names that two things in a result would have."""
+    if names:
+        raise ValueError(f"a result has two things called {min(names)!r} in the table: name one of them otherwise")
 
 
 def _labels(tables: Iterable[xarray.Dataset]) -> dict[str, list[Any]]:

@@ -6,7 +6,7 @@ import pytest
 from random_oscillators import RandomOscillator
 
 import hbnlp
-from hbnlp.branches.forecast import Spectrum, hidden_crossing
+from hbnlp.branches.forecast import Spectrum, _distance_of_zero, hidden_crossing
 from hbnlp.testing import check_branch
 
 pytestmark = pytest.mark.filterwarnings("ignore::hbnlp.LinearInstabilityWarning")
@@ -221,3 +221,18 @@ def test_two_pairs_that_leave_one_after_another_hide_nothing():
 def test_multipliers_that_overflow_or_are_far_from_the_circle_are_not_followed(multipliers):
     spectra = [Spectrum(place, np.array(multipliers, dtype=complex)) for place in (-1.0, 0.0, 1.0)]
     assert hidden_crossing(*spectra, lambda place: None, 1e-6) is None
+
+
+def test_how_far_the_zeros_of_parabolas_are_from_an_interval():
+    places = np.array([0.0, 0.5, 2.0])
+    parabolas = {
+        lambda t: (t - 0.7) * (t + 9.0): 0.0,
+        lambda t: (t - 1.0 - 0.2j) * (t - 7.0): 0.2,
+        lambda t: (t - 3.0) * (t + 1.0): 1.0,  # outside on both sides
+        lambda t: (t - 2.3 - 0.4j) * (t + 5.0): 0.5,
+        lambda t: t - 0.1: 0.4,  # a straight line, before the interval
+        lambda t: 1.0 + 0.0 * t: np.inf,
+        lambda t: 0.0 * t: 0.0,
+    }
+    values = np.array([parabola(places.astype(complex)) for parabola in parabolas]).T
+    np.testing.assert_allclose(_distance_of_zero(places, values, 0.5), [*parabolas.values()], atol=1e-12)

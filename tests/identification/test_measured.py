@@ -105,6 +105,45 @@ def test_what_no_values_explain_is_not_said_to_have_converged(problem, measured)
     assert "look at the units" in fit.message
 
 
+def test_errors_that_are_a_part_of_each_amplitude_take_weights(problem):
+    """Three per cent of each amplitude: with equal weights the large ones, good all of them, are taken for wrong."""
+    omega = np.linspace(0.7, 1.5, 20)
+    exact, _ = swept(hbnlp.trace(problem, "omega", (0.4, 1.9), stability=None), omega, "x")
+    variables, start = Variables({"cubic": (0.01, 0.5), "force": (0.05, 0.5)}), {"cubic": 0.13, "force": 0.15}
+    errors, evenly = [], []
+    for seed in range(3):
+        amplitude = exact * (1.0 + 0.03 * np.random.default_rng(seed).standard_normal(exact.size))
+        measured = Measurements(np.tile(omega, 2), amplitude)
+        fit = identify(problem, variables, measured, "x", start=start, weights=amplitude**-2.0)
+        assert fit.converged
+        assert fit.wrong.size == 0
+        assert fit.identified.noise == pytest.approx(0.03, rel=0.4)
+        error = np.array([fit.values[name] - TRUE[name] for name in TRUE])
+        errors.append(error @ np.linalg.solve(fit.identified.covariance, error))
+        evenly.append(identify(problem, variables, measured, "x", start=start).wrong.size)
+    assert max(errors) < 9.2
+    assert max(evenly) > 0
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"at": {"cubic": 0.3}}, r"at\['cubic'\] is 0.3; give values of parameters that are neither found nor set"),
+        ({"at": {"omega": 0.3}}, r"at\['omega'\] is 0.3"),
+        (
+            {"start": {"cubic": 5.0, "force": 0.2}},
+            r"start\['cubic'\] is 5.0; give a value within its limits, 0.01 to 0.5",
+        ),
+        ({"weights": np.zeros(36)}, "weights above zero"),
+        ({"weights": np.ones(3)}, "weights"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(problem, measured, given, said):
+    variables = Variables({"cubic": (0.01, 0.5), "force": (0.05, 0.5)})
+    with pytest.raises(ValueError, match=said):
+        identify(problem, variables, measured, "x", **{"start": {"cubic": 0.1, "force": 0.2}, **given})
+
+
 @pytest.mark.slow
 def test_stiffness_and_prestrain_of_a_wing_come_back_from_its_lift():
     true = {"stiffness": 250.0, "prestrain": 0.008}
@@ -172,6 +211,16 @@ def test_a_table_that_is_wrong_is_refused_with_what_to_do(tmp_path, text, said):
         Measurements.from_csv(written(tmp_path, text))
     assert said in str(raised.value)
     assert "sweep.csv" in str(raised.value)
+
+
+def test_a_cell_in_quotes_may_have_several_lines_and_other_encodings_are_named(tmp_path):
+    table = Measurements.from_csv(written(tmp_path, 'note,omega,amplitude\n"a\nb",1,2\nc,2,3\n'))
+    assert table.lines == (3, 4)
+    assert table.amplitude.tolist() == [2.0, 3.0]
+    path = tmp_path / "old.csv"
+    path.write_bytes("omega,amplitude,größe\n1,2,3\n".encode("latin-1"))
+    with pytest.raises(hbnlp.LoadError, match=r"no text in UTF-8: byte 18 is .*; save the table as CSV in UTF-8"):
+        Measurements.from_csv(path)
 
 
 def test_a_unit_in_the_header_has_to_be_said(tmp_path):

@@ -108,3 +108,9 @@ def test_a_study_of_which_nothing_is_done_is_a_dataset_of_its_grid():
 
     values = table(fail, {"n": [1, 2]})
     assert [*values.data_vars] == ["error"]
+
+
+@pytest.mark.parametrize("result", [{"n": 1.0, "result_n": 2.0}, {"x": np.ones(2), "x_0": 1.0}])
+def test_two_things_of_one_name_are_refused(result):
+    with pytest.raises(ValueError, match=r"a result has two things called '(result_n|x_0)'"):
+        table(lambda at: result, {"n": [1]})

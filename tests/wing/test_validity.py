@@ -185,6 +185,13 @@ def test_an_amplitude_in_degrees_is_told_of_where_it_is_given():
         hbnlp.solve(limited(), at={"omega": 0.5, "pitch_amplitude": 2.5})
 
 
+@pytest.mark.parametrize("value", [3.0, np.int64(3)])
+def test_a_wing_that_is_made_with_degrees_says_so_where_it_is_made(value):
+    with pytest.warns(hbnlp.ValidityWarning, match=r"pitch_mean is 3 rad, which looks like degrees") as seen:
+        hbnlp.membrane_wing(hbnlp.QuasiLinearMembrane(n_modes=3), thin_airfoil(3), parameters={"pitch_mean": value})
+    assert Path(seen[0].filename).name == "test_validity.py"
+
+
 def test_a_warning_that_is_an_error_keeps_the_branch():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
