@@ -17,13 +17,12 @@ with weights :math:`w_i` of the soft l1 loss first, then none for rows that are 
 .. [1] P. J. Rousseeuw, A. M. Leroy, *Robust Regression and Outlier Detection*, Wiley (1987), section 1.2.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 import hbnlp
 from hbnlp.design import Variables
 from hbnlp.identification import Measurements, identify
+from hbnlp.testing import stored_result
 
 membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=200.0, prestrain=0.011, n_modes=4)
 pitch = {"pitch_amplitude": np.radians(0.5)}
@@ -32,10 +31,8 @@ problem = hbnlp.HarmonicBalance(wing, n_harmonics=3)
 
 # %%
 # The frequencies are in Hz; the equations have times in chord / velocity, 0.1 m / (10 m/s).
-places = (Path.cwd(), *Path.cwd().parents, Path(hbnlp.__file__).parents[1])
-folder = next(place / "examples" / "wing" / "data" for place in places if (place / "examples").is_dir())
 measured = Measurements.from_csv(
-    folder / "measured_lift.csv", omega="f [Hz]", amplitude="C_L", omega_unit=2.0 * np.pi * 0.1 / 10.0
+    stored_result("measured_lift.csv"), omega="f [Hz]", amplitude="C_L", omega_unit=2.0 * np.pi * 0.1 / 10.0
 )
 print(measured)
 

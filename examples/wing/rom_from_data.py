@@ -20,27 +20,25 @@ over stream velocity, and the mean loads in it are the first row of the table. T
 .. [1] J.-N. Juang, R. S. Pappa, J. Guidance 8 (1985) 620-627, doi:10.2514/3.20031.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 from scipy.linalg import expm
 
 import hbnlp
 from hbnlp import aero
-
-places = (Path.cwd(), *Path.cwd().parents, Path(hbnlp.__file__).parents[1])
-folder = next(place / "examples" / "wing" / "data" for place in places if (place / "examples").is_dir())
+from hbnlp.testing import stored_result
 
 # %%
 # From frequencies: the tolerance is the largest error that the data have, 2 per cent.
-response = aero.FrequencyResponse.from_csv(folder / "loads_by_frequency.csv", provenance={"source": "a wind tunnel"})
+response = aero.FrequencyResponse.from_csv(
+    stored_result("loads_by_frequency.csv"), provenance={"source": "a wind tunnel"}
+)
 fit = aero.identify(response, tolerance=0.02)
 print(fit)
 
 # %%
 # From steps: a row a time, loads by motions in the columns; the first row is the mean over the step.
-table = np.loadtxt(folder / "loads_after_steps.csv", delimiter=",", skiprows=1)
+table = np.loadtxt(stored_result("loads_after_steps.csv"), delimiter=",", skiprows=1)
 during, time, loads = table[0, 1:].reshape(2, 3), table[1:, 0], table[1:, 1:].reshape(-1, 2, 3)
 mass = 0.02 * (during - 0.5 * loads[0])
 steps = aero.realise(time, loads, n_lags=2, mass=mass)

@@ -1,4 +1,4 @@
-"""Results of long runs that examples read: beside the package in a checkout, within it where it is installed."""
+"""Results of long runs, and tables, that examples read: beside the package in a checkout, within an installed one."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from pathlib import Path
 from hbnlp.core.checks import file_name, refused
 
 _PACKAGE = Path(__file__).parents[1]
-_PLACES = (_PACKAGE / "results", _PACKAGE.parent / "benchmarks" / "validation" / "results")
+_BESIDE = ("benchmarks/validation/results", "examples/wing/data")
+_PLACES = (_PACKAGE / "results", *(_PACKAGE.parent / folder for folder in _BESIDE))
 
 
 def stored_result(name: str) -> Path:
-    """Return the path of a stored result by its name, "march_up_50.json".
+    """Return the path of a stored result or table by its name, "march_up_50.json".
 
     Raises
     ------
