@@ -1,7 +1,7 @@
 """What a point costs: continuation and stability against LAPACK's LU of a matrix of the same size, in one run.
 
 Prints CPU seconds (one BLAS thread) and ratios that hold on noisy machines, because both sides of each are timed in
-turn. Run it from the root of the repository::
+turn, and how many sets of multipliers are asked for. Run it from the root of the repository::
 
     python benchmarks/cost.py            # the table
     python benchmarks/cost.py --growth   # growth with degrees of freedom, harmonics and lag states as well
@@ -22,8 +22,25 @@ import numpy as np
 from scipy.linalg import lapack
 
 import hbnlp
+from hbnlp.stability.multipliers import FloquetEvaluator
+from hbnlp.wing.coupling import MembraneWing
 
 REPEATS = 3
+
+
+class Counted:
+    """The multipliers of a motion, with how many sets of them were asked for."""
+
+    sets = 0
+
+    def __init__(self) -> None:
+        evaluated = FloquetEvaluator.__call__
+
+        def counting(*args: object, **options: object) -> object:
+            Counted.sets += 1
+            return evaluated(*args, **options)  # type: ignore[arg-type]
+
+        FloquetEvaluator.__call__ = counting  # type: ignore[method-assign, assignment]
 
 
 def lu_seconds(size: int) -> float:
@@ -68,7 +85,7 @@ def weak_lags(rom: hbnlp.AeroROM, count: int) -> hbnlp.AeroROM:
     )
 
 
-def wing(n_modes: int = 10, n_lags: int = 40) -> hbnlp.System:
+def wing(n_modes: int = 10, n_lags: int = 40) -> MembraneWing:
     """Return the membrane wing of c_T0 = 4 on inviscid aerodynamics with further weak lags."""
     rom = weak_lags(hbnlp.aero.thin_airfoil(n_modes=n_modes), n_lags)
     return hbnlp.membrane_wing(hbnlp.QuasiLinearMembrane(prestrain=0.008, n_modes=n_modes), rom)
@@ -83,12 +100,14 @@ def row(name: str, *cells: str) -> None:
 
 def table() -> None:
     """Print the table."""
-    row("case", "points", "CPU s", "ms a point", "LUs a point")
+    Counted()
+    row("case", "points", "CPU s", "ms a point", "LUs a point", "sets a point")
 
     def line(name: str, run: Callable[[], hbnlp.Branch], size: int) -> None:
+        Counted.sets = 0
         branch, seconds, bound = measured(run, size)
-        n = len(branch)
-        row(name, f"{n}", f"{seconds:.2f}", f"{1e3 * seconds / n:.2f}", f"{seconds / n / bound:.1f}")
+        n, sets = len(branch), Counted.sets / REPEATS
+        row(name, f"{n}", f"{seconds:.2f}", f"{1e3 * seconds / n:.2f}", f"{seconds / n / bound:.1f}", f"{sets / n:.1f}")
 
     chain = hbnlp.HarmonicBalance(hbnlp.systems.chain(10), n_harmonics=7)
     size = chain.size + 1
@@ -112,6 +131,13 @@ def table() -> None:
             ),
             balance.size + 1,
         )
+    branch = hbnlp.trace(balance, "omega", (0.1, 60.0), at=PITCH, stability=None)
+    begin = time.process_time()
+    balance.system.validity(branch)
+    seconds = time.process_time() - begin
+    row(
+        "  whether the wing is to be believed", f"{len(branch)}", f"{seconds:.2f}", f"{1e3 * seconds / len(branch):.2f}"
+    )
     line(
         "Duffing, H = 7, both folds, problem built anew",
         lambda: hbnlp.trace(
