@@ -155,7 +155,7 @@ def drive(
 
 def _last_words(ending: Ending, record: object, report: Report | None) -> str:
     message = str(getattr(record, "message", ""))
-    if message.startswith(str(ending)) or not isinstance(record, Sized):
+    if message.startswith((f"{ending} after", f"{ending}:")) or not isinstance(record, Sized):
         return message
     what = next(iter(report.counts)) if report is not None else "steps"
     return f"{ending} after {len(record)} {what}"
