@@ -28,6 +28,8 @@ from hbnlp.sweeps.records import Sweep
 SAME = 1e-6
 """The way back leads to the old solution if it comes this near to it, relative to its size."""
 _HALVINGS = 6
+_GROWING = (1 / 64, 1 / 16, 1 / 4, 1.0)
+"""Parts of the way back at which the steps end that grow."""
 
 
 @final
@@ -113,8 +115,7 @@ class NewtonMarch:
         if last is not None and new is not None:
             change = relative_change(last.coefficients, new.coefficients)
             if fresh or is_suspicious(change, self._last_change):
-                # to as many harmonics as the old solution has: truncated alike, the same motion is the same solution
-                back = self._step(new, value, self._last_value, n_harmonics=last.n_harmonics)
+                back = self._back(new, value, last)
                 if back is None or relative_change(last.coefficients, back.coefficients) > SAME:
                     self._jumps.append((len(self._rows), float(self._last_value), float(value)))
             self._last_change = change
@@ -123,6 +124,25 @@ class NewtonMarch:
             self._last, self._last_value = new, value
             if self._accuracy is not None:
                 self._accuracy.see(*self._on_curve(new))
+
+    def _back(self, new: Solution, value: float, last: Solution) -> Solution | None:
+        """Go back to the last value, and in growing steps if that comes to another solution.
+
+        Just before a fold a solution moves as the root of the distance to it: a long step from there leaves the branch.
+        The last step has as many harmonics as the old solution: truncated alike, the same motion is the same solution.
+        """
+        begin = value
+        back = self._step(new, value, self._last_value, n_harmonics=last.n_harmonics)
+        if back is not None and relative_change(last.coefficients, back.coefficients) <= SAME:
+            return back
+        here: Solution | None = new
+        for part in _GROWING:
+            if here is None:
+                return None
+            end = self._last_value if part == 1.0 else value + part * (self._last_value - value)
+            here = self._step(here, begin, end, n_harmonics=last.n_harmonics if part == 1.0 else None)
+            begin = end
+        return here
 
     def _step(
         self, solution: Solution, begin: float, value: float, *, n_harmonics: int | None = None

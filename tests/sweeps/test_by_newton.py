@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hbnlp.aero import flat_plate_re100
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.tracing import trace
 from hbnlp.continuation.newton import Newton
@@ -17,6 +18,8 @@ from hbnlp.sweeps.sweeping import sweep
 from hbnlp.systems import duffing, tuned_absorber
 from hbnlp.systems.system import System
 from hbnlp.testing import check_branch
+from hbnlp.wing.coupling import membrane_wing
+from hbnlp.wing.membrane import QuasiLinearMembrane
 
 # converged folds of x'' + .05 x' + x + .1 x^3 = .18 cos w t: of tests/numpy_balance.py, as test_duffing_folds.py tests
 UP, DOWN = 1.115700251771, 1.2696019555
@@ -74,6 +77,17 @@ def test_a_steep_resonance_is_no_jump():
     exact = 1.0 / (1.0 - result.parameter**2 + 0.01j * result.parameter)
     np.testing.assert_allclose(result.harmonics("x")[:, 1], exact, rtol=1e-9)
     assert result.jumps.size == 0
+
+
+def test_what_goes_on_until_just_before_a_fold_is_no_jump():
+    """From 0.2 % before the fold at 76.187 a Newton step of 4 % back comes to another solution."""
+    membrane = QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
+    problem = HarmonicBalance(membrane_wing(membrane, flat_plate_re100(n_modes=10)), n_harmonics=1)
+    values = np.geomspace(100.0, 0.01, 240)[:9]
+    result = sweep(problem, "omega", values, at={"pitch_amplitude": np.radians(4.0)})
+    traced = trace(result.solution(6), "omega", (values[6], values[8]), stability=None)
+    assert [fold.value for fold in traced.folds] == [pytest.approx(76.1872, abs=1e-4)]
+    np.testing.assert_allclose(result.jump_brackets, [values[1:3], values[7:9]])  # not from values[6] to values[7]
 
 
 def test_steps_too_long_for_newton_are_divided_and_are_no_jumps(problem):

@@ -20,6 +20,8 @@ from march import MEMBRANES, PITCH, RESULTS
 
 import hbnlp
 
+LIMITS = {"quasi_linear": (0.5, 60.0), "nonlinear": (0.5, 20.0)}
+"""In frequency: the full membrane's first resonance ends much earlier."""
 COLUMNS = ("omega", "degrees", "n_harmonics", "truncation_error", "event")
 
 
@@ -40,7 +42,8 @@ def main() -> None:
     membrane = MEMBRANES[given.membrane](mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
     fold = fold_of_the_quiet_motion(hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100()))
     span = (np.radians(0.5), np.radians(8.0))
-    curve = hbnlp.follow(fold, "pitch_amplitude", limits=(0.5, 60.0), span=span)
+    limits, bar = LIMITS[given.membrane], hbnlp.ProgressBar()
+    curve = hbnlp.follow(fold, "pitch_amplitude", limits=limits, span=span, callbacks=[bar])
     rows: list[list[object]] = []
     for i in range(len(curve)):
         place = [f"{curve.first[i]:.8g}", f"{np.degrees(curve.second[i]):.8g}"]
