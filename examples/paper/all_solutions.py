@@ -2,7 +2,7 @@ r"""
 All solutions at a frequency, and the detached branches among them
 ==================================================================
 
-Does the trace of :doc:`figure_4_hysteresis` show everything? First, at each of its branch points the other branch
+Does one trace from low frequencies show everything? First, at each of its branch points the other branch
 is traced as well. Then, at some frequencies, all solutions are searched for: from those on the branches traced so far
 and from random starts, by Newton's method deflated by what is known, and by continuation in the load
 (`hbnlp.find_all`, its default forty starts, seed 1). A solution with a deflection below half a chord that lies on none

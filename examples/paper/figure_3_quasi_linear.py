@@ -3,12 +3,18 @@ The paper's quasi-linear response: twenty amplitudes, marched up and down
 =========================================================================
 
 Lift per pitching acceleration of the paper's wing with one harmonic, for pitch amplitudes from 0.5 to 10 degrees by
-0.5, marched up from :math:`\omega = 0.01` (left) and down from :math:`\omega = 100` (middle). Jumps are arrows.
+0.5, marched up from :math:`\omega = 0.01` (left) and down from :math:`\omega = 100` (middle). Dots: folds.
 
 Marching up, the response stays resonant and leaves the first mode's peak at a fold that rises fast with the
-amplitude: :math:`\omega = 17` at 1.5 degrees, 49 at 2.5, beyond the picture from 4 degrees on. Marching down, it
+amplitude: :math:`\omega = 17` at 1.5 degrees, 48 at 2.5, beyond the picture from 4 degrees on. Marching down, it
 jumps several times: each jump is the end of the quiet motion of one mode's tongue (:doc:`hysteresis_map`), at
 2.5 degrees at :math:`\omega = 35`, 16.7 and 4.5.
+
+*Every jump has its fold*: a trace from the last solution before each of the 79 jumps folds in its bracket (dots),
+so that none is a failure of Newton's method. Where it lands is Newton's choice: at 7 and 9 degrees a march down
+jumps once, unlike its neighbours, as it comes from the fold of the second mode's motion, at 47.0 and 60.8, to the
+first mode's resonant motion at once. The motions in between are there as well, and the quiet one ends at 12.74 and
+16.47, between the neighbours' last jumps.
 
 *Right:* for small amplitudes the response tends to the linear one, and the difference falls with the square of the
 amplitude, as the tension's growth does.
@@ -27,15 +33,35 @@ wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
 problem = hbnlp.HarmonicBalance(wing, n_harmonics=1)
 omega = np.geomspace(0.01, 100.0, 240)
 
-marches, jumps = {}, {}
+marches, jumps, folds = {}, {}, {}
 for way, values in (("up", omega), ("down", omega[::-1])):
     for degrees in np.arange(0.5, 10.01, 0.5):
         march = hbnlp.sweep(problem, "omega", values, at={"pitch_amplitude": np.radians(degrees)})
         marches[way, degrees], jumps[way, degrees] = march, march.jump_brackets.mean(axis=1)
+        folds[way, degrees] = []
+        for bracket in march.jump_brackets:
+            last = march.solution(int(np.flatnonzero(march.parameter == bracket[0])[0]))
+            folds[way, degrees].append(hbnlp.trace(last, "omega", tuple(bracket), stability=None).folds[0])
         print(f"{way:5s} {degrees:4.1f} degrees: jumps at omega =", ", ".join(f"{w:.3f}" for w in jumps[way, degrees]))
 assert len(jumps["up", 2.5]) == 1
 assert len(jumps["down", 2.5]) >= 3
 assert abs(jumps["down", 2.5][-1] - 4.53) < 0.2
+
+print(f"{sum(map(len, folds.values()))} jumps, each with a fold in its bracket")
+assert sum(map(len, folds.values())) == sum(map(len, jumps.values()))
+
+# %%
+# At 7 and 9 degrees the quiet motion, from that of a neighbour where that has landed on it: it ends at a fold, too.
+quiet = marches["down", 6.5].solution(int(np.argmin(abs(omega[::-1] - 30.0))))
+amplitudes, ends = np.radians(np.linspace(6.5, 9.0, 26)), {}
+along = hbnlp.sweep(problem, "pitch_amplitude", amplitudes, at={"omega": quiet.omega}, start=quiet)
+for degrees in (7.0, 9.0):
+    motion = along.solution(int(np.argmin(abs(amplitudes - np.radians(degrees)))))
+    ends[degrees] = hbnlp.trace(motion, "omega", (quiet.omega, 5.0), stability=None).folds[0].value
+    neighbours = [jumps["down", degrees + step][-1] for step in (-0.5, 0.5)]
+    print(f"{degrees:g} degrees: the quiet motion ends at {ends[degrees]:.3f}, its neighbours' near", *neighbours)
+    assert len(jumps["down", degrees]) == 1
+    assert neighbours[0] < ends[degrees] < neighbours[1]
 
 # %%
 # Towards the linear response.
@@ -55,8 +81,12 @@ drawn = {"per": "alpha_acceleration", "decibels": True, "marker": "", "jumps": F
 for ax, way in zip(axes[:2], ("up", "down"), strict=True):
     ax.set(xscale="log", title=f"marching {way}")
     for degrees in np.arange(0.5, 10.01, 0.5):
-        marches[way, degrees].plot("C_L", ax=ax, color=plt.cm.viridis(degrees / 11), **drawn)
-    ax.set(ylim=(-50, 100), ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)")
+        colour = plt.cm.viridis(degrees / 11)
+        marches[way, degrees].plot("C_L", ax=ax, color=colour, **drawn)
+        for fold in folds[way, degrees]:
+            gain = abs(fold.solution.harmonics("C_L")[1] / fold.solution.harmonics("alpha_acceleration")[1])
+            ax.plot(fold.value, 20.0 * np.log10(gain), ".", color=colour, markersize=5.0)
+    ax.set(xlim=(0.1, 110.0), ylim=(-50, 60), ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)")
 colours = plt.cm.ScalarMappable(plt.Normalize(0.0, 11.0), "viridis")
 figure.colorbar(colours, ax=axes[:2], label=r"$\alpha_2$ (degrees)", ticks=range(1, 11), aspect=40)
 for frequency, difference in zip(frequencies, differences, strict=True):
