@@ -32,6 +32,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 import hbnlp
+from hbnlp.testing import stored_result
 
 membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
 wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
@@ -76,7 +77,7 @@ motions = [unsafe.solution(i) for i in range(0, len(unsafe), 5)]
 cambers = [membrane.camber(motion.displacement(phase / motion.omega)).max() for motion in motions]
 assert np.allclose(cambers, 0.1, rtol=0.01)
 
-figure, plane = plt.subplots(figsize=(9, 5), layout="constrained")
+figure, (plane, first) = plt.subplots(1, 2, figsize=(13, 5), width_ratios=(3, 2), layout="constrained")
 for number, curve in enumerate(curves):
     curve.plot(ax=plane, color=f"C{number}", label=f"tongue {number + 1}")
 for curve in of_three:
@@ -86,14 +87,35 @@ unsafe.plot(ax=plane, color="0.7", label="camber > 0.1, resonant", zorder=0)
 edge = plane.get_lines()[-1]
 plane.fill_betweenx(edge.get_ydata(), edge.get_xdata(), 200.0, color="0.92", zorder=0)
 plane.axhline(np.radians(2.5), color="0.5", linewidth=0.6, linestyle=":")
-plane.set(
-    xscale="log", yscale="log", xlim=(1.0, 150.0), ylim=spans["span"], title="folds, and the cusps where they begin"
-)
-ticks = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-plane.set_yticks(np.radians(ticks), [f"{degrees:g}" for degrees in ticks])
-plane.set_yticks([], minor=True)
-plane.set_ylabel("pitch amplitude (degrees)")
+plane.set(xlim=(1.0, 150.0), title="folds, and the cusps where they begin: one harmonic")
+
+# the first tongue to a tolerance
+cusps = {}
+curves[0].plot(ax=first, color="0.6", linewidth=0.8, label="one harmonic", special=False)
+for membrane_name, color in (("quasi-linear", "C0"), ("nonlinear", "C3")):
+    path = stored_result(f"wing_tongue_{membrane_name.replace('-', '_')}.csv")
+    rows = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    points, events = rows[rows["event"] == ""], rows[rows["event"] != ""]
+    label = f"{membrane_name.replace('nonlinear', 'full')} membrane, to 1e-3"
+    first.plot(points["omega"], np.radians(points["degrees"]), color=color, label=label)
+    cusp = events[events["event"] == "cusp"][0]
+    cusps[membrane_name] = cusp["omega"], cusp["degrees"]
+    for kind, marker in (("cusp", "*"), ("isola birth", "o"), ("isola merge", "s")):
+        chosen = events[events["event"] == kind]
+        first.plot(chosen["omega"], np.radians(chosen["degrees"]), marker, color=color, markersize=5)
+first.set(xlim=(2.2, 12.0), title="the first tongue, to a tolerance")
+for ax, span in ((plane, spans["span"]), (first, np.radians((1.0, 4.0)))):
+    ax.set(xscale="log", yscale="log", ylim=span)
+    ticks = [
+        degrees
+        for degrees in (0.1, 0.2, 0.5, 1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0)
+        if span[0] <= np.radians(degrees) <= span[1]
+    ]
+    ax.set_yticks(np.radians(ticks), [f"{degrees:g}" for degrees in ticks])
+    ax.set_yticks([], minor=True)
+    ax.set_ylabel("pitch amplitude (degrees)")
 plane.legend(fontsize="small", loc="lower left", ncols=2)
+first.legend(fontsize="small", loc="upper left")
 figure.savefig("hysteresis_map.png", dpi=110)
 
 degrees = [np.degrees(turn.second) for turn in (*curves[0].isola_births, *curves[0].isola_merges)]

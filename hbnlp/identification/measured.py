@@ -15,7 +15,8 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
@@ -24,14 +25,25 @@ from numpy.typing import ArrayLike
 
 from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
-from hbnlp.core.checks import counted, finite_array, instance_of, interval, position, real_number, refused, whole_number
+from hbnlp.core.checks import (
+    counted,
+    finite_array,
+    instance_of,
+    interval,
+    list_of,
+    position,
+    real_number,
+    refused,
+    whole_number,
+)
 from hbnlp.core.interrupts import interrupts_kept
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, BoolArray, IntArray
 from hbnlp.design.variables import Variables
 from hbnlp.identification.fitting import Identified
 from hbnlp.identification.measurements import Measurements
-from hbnlp.identification.rounds import Rounds, Task
+from hbnlp.identification.rounds import Task
+from hbnlp.identification.starts import best_of
 from hbnlp.systems.parameters import OMEGA
 
 if TYPE_CHECKING:
@@ -41,6 +53,8 @@ MARGIN = 0.5
 """How far the branch is traced beyond the measured frequencies, in parts of their range."""
 POOR = 0.2
 """A fit with residuals of this part of the amplitudes explains nothing: units, output or system are others."""
+SAME_FIT = 0.01
+"""Relative difference of values up to which two starts led to the same fit."""
 MANY = 3
 """One wrong measurement in so many are not a few any more."""
 
@@ -68,6 +82,8 @@ class MeasuredFit(ReadOnlyArrays):
         What was measured.
     weights : array (n,)
         Of the measurements, as given.
+    led_to : tuple of (mapping of names to values, or None)
+        The values that each start led to, None where the fit failed.
     message : str
         What became of it, and what to do.
     """
@@ -81,6 +97,7 @@ class MeasuredFit(ReadOnlyArrays):
     output: str
     harmonic: int
     weights: Array
+    led_to: tuple[Mapping[str, float] | None, ...]
     message: str
 
     @property
@@ -127,7 +144,12 @@ class MeasuredFit(ReadOnlyArrays):
         left_out = f"\n  wrong, left out: {counted(self.wrong.size, 'amplitude')}, {wrong}" if self.wrong.size else ""
         at_fold = "; ".join(measured.named(k) for k in self.at_fold)
         bounds = f"\n  at a fold, which tells its place but no accuracy: {at_fold}" if at_fold else ""
-        return f"{self.identified!r}{left_out}{bounds}\n  {self.message}"
+        there = sum(values is not None and self._is_near(values) for values in self.led_to)
+        starts = f"\n  the best of {len(self.led_to)} starts; {there} led there" if len(self.led_to) > 1 else ""
+        return f"{self.identified!r}{left_out}{bounds}{starts}\n  {self.message}"
+
+    def _is_near(self, values: Mapping[str, float]) -> bool:
+        return all(abs(values[name] - value) <= SAME_FIT * abs(value) for name, value in self.values.items())
 
 
 @interrupts_kept()
@@ -137,13 +159,14 @@ def identify(
     measurements: Measurements,
     output: str,
     *,
-    start: Mapping[str, float],
+    start: Mapping[str, float] | Sequence[Mapping[str, float]],
     harmonic: int = 1,
     at: Mapping[str, float] | None = None,
     weights: ArrayLike | None = None,
     noise: float | None = None,
     threshold: float = 4.0,
     span: tuple[float, float] | None = None,
+    executor: Executor | None = None,
 ) -> MeasuredFit:
     """Return the variables whose stable responses fit measured amplitudes best, up and down the frequencies.
 
@@ -159,8 +182,8 @@ def identify(
     measurements : Measurements
     output : str
         Whose amplitude was measured.
-    start : mapping of names to values
-        Where the variables begin.
+    start : mapping of names to values, or sequence of them
+        Where the variables begin; of several starts the best fit is returned.
     harmonic : int
         Which one was measured.
     at : mapping of names to values, optional
@@ -175,6 +198,8 @@ def identify(
     span : (float, float), optional
         Frequencies over which the branch is traced: enough for both folds. By default half as far again to either side
         as the measurements.
+    executor : concurrent.futures.Executor, optional
+        Fits from several starts side by side, with the same result.
 
     Returns
     -------
@@ -183,19 +208,21 @@ def identify(
     Raises
     ------
     ConvergenceError
-        If a fit fails, or the branch has no stable part.
+        If a fit fails, or the branch has no stable part; of several starts, if all fail.
     ValueError
         If the measurements do not determine all variables.
     """
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     instance_of("variables", variables, Variables, "the Variables(...) to be found")
     instance_of("measurements", measurements, Measurements, "Measurements(omega, amplitude), or from a table, from_csv")
-    instance_of("start", start, Mapping, "a mapping of the variables to values")
-    for name, (low, high) in zip(variables.names, variables.limits, strict=True):
-        if name in start and not low <= real_number(f"start[{name!r}]", start[name]) <= high:
-            raise refused(
-                ValueError, f"start[{name!r}]", start[name], f"a value within its limits, {low:g} to {high:g}"
-            )
+    instance_of("executor", executor, Executor | None, "a concurrent.futures.Executor")
+    starts = [start] if isinstance(start, Mapping) else start
+    list_of("start", starts, Mapping, "a mapping of the variables to values, or a list of such")
+    if not starts:
+        raise refused(ValueError, "start", start, "one mapping of the variables to values at least")
+    for number, each in enumerate(starts):
+        called = "start" if isinstance(start, Mapping) else f"start[{number}]"
+        _check_start(called, each, variables)
     position("output", output, problem.system.output_names)
     whole_number("harmonic", harmonic, least=1, most=problem.n_harmonics, advice=", which are retained")
     real_number("threshold", threshold, least=2.0, advice=", in standard deviations")
@@ -216,7 +243,7 @@ def identify(
         raise refused(ValueError, "weights", weights, "weights above zero")
     task = Task(
         problem=problem,
-        variables=variables,
+        bounds=dict(zip(variables.names, map(tuple, variables.limits), strict=True)),
         measured=measurements,
         output=output,
         harmonic=harmonic,
@@ -226,7 +253,7 @@ def identify(
         threshold=threshold,
         span=given,
     )
-    outcome = Rounds(task).until_settled(start)
+    outcome, led_to = best_of(task, starts, executor)
     wrong = np.flatnonzero(~outcome.fitted.used)
     message = "converged"
     if MANY * wrong.size > len(measurements):
@@ -251,5 +278,13 @@ def identify(
         output=output,
         harmonic=harmonic,
         weights=given_weights,
+        led_to=led_to,
         message=message,
     )
+
+
+def _check_start(called: str, start: Mapping[str, float], variables: Variables) -> None:
+    for name, (low, high) in zip(variables.names, variables.limits, strict=True):
+        here = f"{called}[{name!r}]"
+        if name in start and not low <= real_number(here, start[name]) <= high:
+            raise refused(ValueError, here, start[name], f"a value within its limits, {low:g} to {high:g}")

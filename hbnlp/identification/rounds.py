@@ -38,10 +38,10 @@ AT_END = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task:
-    """What is to be identified from what: see `hbnlp.identification.identify`."""
+    """What is to be identified from what, with bounds for variables, as it can be sent; see `identify`."""
 
     problem: HarmonicBalance
-    variables: Variables
+    bounds: Mapping[str, tuple[float, float]]
     measured: Measurements
     output: str
     harmonic: int
@@ -55,6 +55,11 @@ class Task:
     def standardised(self) -> Array:
         """Amplitudes in the units in which all have the same standard deviation, (n,)."""
         return np.asarray(np.sqrt(self.weights) * self.measured.amplitude)
+
+    def cost(self, done: Fitted, scale: float) -> float:
+        """Return the sum of the squared residuals of a fit, of wrong ones the threshold's, with this deviation."""
+        even = np.sqrt(self.weights) * done.found.residuals
+        return float(np.sum(np.minimum((even / scale) ** 2, self.threshold**2)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,6 +88,7 @@ class Rounds:
 
     def __init__(self, task: Task) -> None:
         self._task, self._measured = task, task.measured
+        self._variables = Variables(task.bounds)
         self._barred: BoolArray = np.zeros(len(task.measured), dtype=bool)
         self._program: Identification | None = None
 
@@ -130,7 +136,7 @@ class Rounds:
         task, amplitude, starts = self._task, self._measured.amplitude, assignment.starts(self._measured)
         if self._program is None:
             points = [({OMEGA: omega}, near) for omega, near in zip(self._measured.omega, starts, strict=True)]
-            self._program = Identification(task.variables, task.problem, points, task.output, harmonic=task.harmonic)
+            self._program = Identification(self._variables, task.problem, points, task.output, harmonic=task.harmonic)
         program = self._program
         weights = self._weights(np.where(assignment.beyond, 0.0, assignment.own - amplitude))
         found = program.fit(amplitude, values, near=starts, weights=task.weights * weights, noise=task.noise)
@@ -161,7 +167,7 @@ class Rounds:
         """Return the standard deviation of residuals, a few of which may be wrong."""
         if self._task.noise is not None:
             return self._task.noise
-        n, p = residuals.size, len(self._task.variables.names)
+        n, p = residuals.size, len(self._variables.names)
         found = MAD * float(np.median(np.abs(self._even(residuals)))) * float(np.sqrt(n / max(n - p, 1)))
         return max(found, self._least_scale)
 
@@ -202,14 +208,10 @@ class Rounds:
             except ConvergenceError:
                 continue
             scale = min(done.scale, freed.scale)
-            if self._cost(freed, scale) < self._cost(done, scale):
+            if self._task.cost(freed, scale) < self._task.cost(done, scale):
                 self._barred[index] = True
                 return freed
         return None
-
-    def _cost(self, done: Fitted, scale: float) -> float:
-        """Return the sum of the squared residuals, of wrong ones the threshold's."""
-        return float(np.sum(np.minimum((self._even(done.found.residuals) / scale) ** 2, self._task.threshold**2)))
 
     def _outcome(self, done: Fitted, branch: Branch, again: Assignment, rounds: int | None) -> Outcome:
         """Return the outcome, with errors that do not rest on what lies at a fold, if the others suffice."""
@@ -219,7 +221,7 @@ class Rounds:
         near = [any(abs(a - fold) < width for fold in own) for a, width, own in zip(fitted, widths, folds, strict=True)]
         at_fold = done.used & np.array(near)
         rest = done.used & ~at_fold
-        if np.count_nonzero(rest) <= 2 * len(self._task.variables.names):
+        if np.count_nonzero(rest) <= 2 * len(self._variables.names):
             at_fold = np.zeros_like(at_fold)
         elif at_fold.any():
             assert self._program is not None

@@ -1,5 +1,8 @@
 """Tables of measured amplitudes: parts found, wrong points named, values within their confidence; wrong tables."""
 
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
 import numpy as np
 import pytest
 
@@ -51,6 +54,31 @@ def test_values_are_within_their_confidence_and_wrong_points_are_named(fit, meas
     assert fit.identified.noise == pytest.approx(0.01, rel=0.4)
     for index in WRONG:
         assert measured.named(index) in repr(fit)
+
+
+def test_of_several_starts_the_best_is_taken_with_and_without_workers(problem, measured, fit):
+    """Half the force and a cubic stiffness ten times too small lead elsewhere, or nowhere."""
+    variables = Variables({"cubic": (0.001, 0.5), "force": (0.05, 0.5)})
+    starts = [{"cubic": 0.01, "force": 0.09}, {"cubic": 0.13, "force": 0.15}, {"cubic": 0.12, "force": 0.2}]
+    several = identify(problem, variables, measured, "x", start=starts)
+    assert several.values == pytest.approx(fit.values, rel=1e-4)
+    assert len(several.led_to) == 3
+    assert several.led_to[1] == pytest.approx(fit.values, rel=1e-4)
+    assert "the best of 3 starts" in repr(several)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        again = identify(problem, variables, measured, "x", start=starts, executor=pool)
+    assert again.values == several.values
+    assert again.led_to == several.led_to
+
+
+def test_starts_that_all_fail_raise_what_the_first_raised(problem, measured):
+    variables = Variables({"cubic": (0.001, 0.5), "force": (0.05, 0.5)})
+    with pytest.raises(ValueError, match="do not determine"):
+        identify(problem, variables, Measurements([0.9], [0.6]), "x", start=[{"cubic": 0.1, "force": 0.15}] * 2)
+    with pytest.raises(ValueError, match=r"start\[1\]\['force'\] is 0.6"):
+        identify(problem, variables, measured, "x", start=[{"cubic": 0.1, "force": 0.15}, {"cubic": 0.1, "force": 0.6}])
+    with pytest.raises(ValueError, match="one mapping"):
+        identify(problem, variables, measured, "x", start=[])
 
 
 def test_the_part_of_each_point_is_found_without_its_way(fit, measured):
