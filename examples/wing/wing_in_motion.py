@@ -43,7 +43,8 @@ assert level.is_odd
 figure, ((own, space), (phase, bars)) = plt.subplots(2, 2, figsize=(10.0, 7.4), layout="constrained")
 solution.plot_shape(ax=own)
 solution.plot_shape(in_space=True, ax=space)
-solution.plot_phase("C_L", ax=phase)
-level.plot_phase("C_L", ax=phase, linestyle=":")
+solution.plot_phase("C_L", ax=phase, label="3 degrees in the mean")
+level.plot_phase("C_L", ax=phase, linestyle=":", label="no incidence in the mean")
+phase.set_ylim(top=1.15)  # room for the legend
 solution.plot_harmonics("C_L", ax=bars)
 figure.savefig("wing_in_motion.png", dpi=110)

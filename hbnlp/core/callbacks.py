@@ -68,7 +68,8 @@ class ProgressBar:
     """A tqdm bar over the work, with what was found so far; options go to tqdm."""
 
     def __init__(self, **options: Any) -> None:
-        self._options = {"total": 100, "bar_format": "{l_bar}{bar}| {elapsed}{postfix}", **options}
+        # `miniters` 0: counts are shown where the fraction stands still, too
+        self._options = {"total": 100, "bar_format": "{l_bar}{bar}| {elapsed}{postfix}", "miniters": 0, **options}
         self._bar: Any = None
 
     def __getstate__(self) -> dict[str, Any]:

@@ -108,6 +108,17 @@ def test_a_progress_bar_serves_one_trace_after_another(problem):
     assert text.getvalue().count("100%") >= 2
 
 
+def test_a_progress_bar_shows_counts_while_the_fraction_stands_still():
+    """A fold curve is half done for long; tqdm by itself then waits for a step as large as those before."""
+    text = io.StringIO()
+    bar = ProgressBar(file=text, mininterval=0.0)
+    for points in range(40):
+        part, counts = min(0.5, 0.1 * points), {"folds": points}
+        common = {"task": "following", "name": "omega", "value": 1.0, "done": False, "result": lambda: None}
+        bar(Progress(fraction=part, counts=counts, **common))
+    assert "39 folds" in text.getvalue()
+
+
 def test_a_progress_bar_is_closed_when_the_trace_is_stopped_or_fails(problem):
     text = io.StringIO()
     bar = ProgressBar(file=text)
