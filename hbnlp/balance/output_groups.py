@@ -40,6 +40,16 @@ def alike_outputs(system: System) -> list[tuple[Spectrum | None, list[int], ca.F
 
 
 @by_one_thread
+def derivative_by_lags(function: ca.Function) -> ca.Function | None:
+    """Return the derivative of outputs by x, a function of the parameters, or None where it varies with the motion."""
+    arguments = [ca.SX.sym("argument", function.size1_in(i)) for i in range(function.n_in())]
+    derivative = ca.jacobian(function(*arguments), arguments[TAU - 1])
+    if ca.depends_on(derivative, ca.vertcat(*arguments[: TAU + 1])):
+        return None
+    return ca.Function("by_lags", [arguments[-1]], [derivative])
+
+
+@by_one_thread
 def warn_of_switches(system: System, name: str) -> None:
     """Warn where an output has switches, whose places a program does not know."""
     index, arguments = system.output_index(name), arguments_of_outputs(system)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from hbnlp.balance.output_groups import alike_outputs
+from hbnlp.balance.output_groups import alike_outputs, derivative_by_lags
 from hbnlp.balance.sampling import Sampling
 from hbnlp.core.kept import built_once
 from hbnlp.fourier import FourierBasis, differentiation, n_coefficients
@@ -54,16 +54,25 @@ class Symbols:
 
     @built_once
     def outputs(self) -> ca.MX:
-        """Coefficients (n_outputs, 2H+1) of all outputs, projected from samples of the signals."""
-        lags = self._lag_states if self._system.n_lags else ca.MX(self._coefficients.shape[0], 0)
+        """Coefficients (n_outputs, 2H+1) of all outputs, projected from samples of the signals.
+
+        What is linear in the lag states, as lift is, takes no samples of these: they are many.
+        """
+        length = self._coefficients.shape[0]
         rows: list[ca.MX] = [ca.MX()] * len(self._system.output_names)
         for spectrum, indices, function in alike_outputs(self._system):
             basis = self._sampling.outputs(spectrum)
+            by_lags = derivative_by_lags(function) if self._system.n_lags else None
+            sampled = self._system.n_lags and by_lags is None
+            lags = self._lag_states if sampled else ca.MX(length, self._system.n_lags)
             signals = self._sampled(basis, *self._motion, lags)
             samples = function.map(basis.n_samples)(*signals, *self._phases_and_parameters(basis))
-            for index, row in zip(indices, ca.vertsplit(samples @ ca.DM(basis.projection.T)), strict=True):
+            found = samples @ ca.DM(basis.projection.T)
+            if by_lags is not None:
+                found += self._lagged(by_lags(self.p)).T
+            for index, row in zip(indices, ca.vertsplit(found), strict=True):
                 rows[index] = row
-        return ca.vertcat(*rows) if rows else ca.MX(0, self._coefficients.shape[0])
+        return ca.vertcat(*rows) if rows else ca.MX(0, length)
 
     @built_once
     def _motion(self) -> tuple[ca.MX, ca.MX, ca.MX]:
@@ -90,12 +99,12 @@ class Symbols:
         displacements, first, second = self._motion
         balance = second @ mass.T + first @ damping.T + displacements @ stiffness.T
         if self._system.n_lags:
-            balance -= self._lag_states @ lag_output.T
+            balance -= self._lagged(lag_output)
         return balance - self._excitation[0]
 
     @built_once
     def _excitation(self) -> tuple[ca.MX, ca.MX]:
-        """Coefficients (2H+1, n) of the load and (2H+1, m) of B_u u''."""
+        """Coefficients (2H+1, n) of the load and (2H+1, n_u) of u''."""
         own, rate = self._sampling.n_harmonics_of_excitation, self._rate
         over_periods = ca.DM(self._sampling.over_periods(np.eye(n_coefficients(own))).T)
         forcing, motion = ((over_periods @ e.symbolic(self.p, own).T) for e in excitation_signals(self._system))
@@ -104,29 +113,35 @@ class Symbols:
         second = rate * (by_phase @ first)
         by_motion, by_first, by_second = self._system.matrices(self.p)[4:]
         load = forcing + motion @ by_motion.T + first @ by_first.T + second @ by_second.T
-        return load, second @ ca.DM(self._system.lag_motion.T)
+        return load, second
 
     @built_once
     def _lag_states(self) -> ca.MX:
-        """Coefficients (2H+1, m) of x, from (s - A) x = B q'' + B_u u'' in A's eigenvectors."""
+        """Coefficients (2H+1, m) of x."""
+        return self._lagged(ca.MX(ca.DM.eye(self._system.n_lags)))
+
+    def _lagged(self, output: ca.MX) -> ca.MX:
+        """Coefficients (2H+1, k) of C x with a matrix C (k, m): harmonic by harmonic C (s - A)^-1 [B, B_u] s^2 [q; u].
+
+        The transfer matrices, formed in A's eigenvectors, hold parameters alone: numbers, where the frequency is one.
+        """
         system, rate = self._system, self._rate
         lags = Lags(system.lag_state, system.lag_input, system.lag_motion)
-        drive = self._motion[2] @ ca.DM(system.lag_input.T) + self._excitation[1]
-        inverse = np.linalg.inv(lags.vectors)
-        drive_r, drive_i = drive @ ca.DM(inverse.real.T), drive @ ca.DM(inverse.imag.T)
+        accelerations = ca.horzcat(self._motion[2], self._excitation[1])
+        in_r, in_i = ca.DM(lags.inputs.real), ca.DM(lags.inputs.imag)
+        out_r, out_i = output @ ca.DM(lags.vectors.real), output @ ca.DM(lags.vectors.imag)
         rows = []
         for h in range(self._sampling.n_harmonics + 1):
-            # an amplitude a - i b: its real and imaginary parts in eigenvector coordinates, each times 1 / (s - pole)
-            cosine = 2 * h - 1 if h else 0
-            real, imaginary = drive_r[cosine, :], drive_i[cosine, :]
-            if h:
-                real, imaginary = real + drive_i[2 * h, :], imaginary - drive_r[2 * h, :]
             over_r, over_i = ca.DM(-lags.poles.real[None, :]), h * rate - ca.DM(lags.poles.imag[None, :])
-            size = over_r**2 + over_i**2
-            state_r = (real * over_r + imaginary * over_i) / size
-            state_i = (imaginary * over_r - real * over_i) / size
-            vectors_r, vectors_i = ca.DM(lags.vectors.real.T), ca.DM(lags.vectors.imag.T)
-            rows.append(state_r @ vectors_r - state_i @ vectors_i)
-            if h:
-                rows.append(-(state_r @ vectors_i + state_i @ vectors_r))
+            weight_r, weight_i = over_r / (over_r**2 + over_i**2), -over_i / (over_r**2 + over_i**2)
+            weight_r, weight_i = (ca.repmat(each, output.shape[0], 1) for each in (weight_r, weight_i))
+            by_r, by_i = out_r * weight_r - out_i * weight_i, out_r * weight_i + out_i * weight_r
+            transfer_r, transfer_i = by_r @ in_r - by_i @ in_i, by_r @ in_i + by_i @ in_r
+            cosine = accelerations[2 * h - 1 if h else 0, :]
+            if not h:
+                rows.append(cosine @ transfer_r.T)
+                continue
+            sine = accelerations[2 * h, :]  # the amplitude is cosine - i sine
+            rows.append(cosine @ transfer_r.T + sine @ transfer_i.T)
+            rows.append(sine @ transfer_r.T - cosine @ transfer_i.T)
         return ca.vertcat(*rows)

@@ -38,11 +38,11 @@ class Lags:
                 f"{LARGEST_CONDITION:.0e} is accepted): poles coincide; move them apart by a relative 1e-4"
             )
         self.poles, self.vectors = poles.astype(complex), vectors.astype(complex)
-        self._inputs = np.linalg.solve(self.vectors, np.hstack([drive, motion]).astype(complex))
+        self.inputs = np.linalg.solve(self.vectors, np.hstack([drive, motion]).astype(complex))
 
     def residues(self, output: Array) -> ComplexArray:
         """Return the residues (m, k, n + n_u) of ``output (s - A)^-1 [B, B_u]``; ``output`` is (k, m)."""
-        return np.asarray((output @ self.vectors).T[:, :, None] * self._inputs[:, None, :])
+        return np.asarray((output @ self.vectors).T[:, :, None] * self.inputs[:, None, :])
 
     def weights(self, s: ComplexArray) -> ComplexArray:
         """Return ``1 / (s - pole)``, (len(s), m): the factors of the residues."""
@@ -50,7 +50,7 @@ class Lags:
 
     def states(self, s: ComplexArray, accelerations: ComplexArray) -> ComplexArray:
         """Return the amplitudes x (m, len(s)) for those of ``s^2 [q; u]``, (n + n_u, len(s))."""
-        return np.asarray(self.vectors @ (self.weights(s).T * (self._inputs @ accelerations)))
+        return np.asarray(self.vectors @ (self.weights(s).T * (self.inputs @ accelerations)))
 
 
 def periodic_lag_states(system: System, s: ComplexArray, drive: ComplexArray) -> Array:
