@@ -28,6 +28,7 @@ READING_ORDER = {
         "modes",
     ),
     "wing": (
+        "own_wing",
         "linear_lift_response",
         "membrane_wing_inviscid",
         "wing_in_motion",

@@ -161,11 +161,11 @@ def test_a_short_trace_with_nine_harmonics_comes_to_the_kept_beginning_of_the_qu
     assert fold.value == pytest.approx(kept["omega"], rel=1e-6)
 
 
-@membranes
+@both
 def test_the_first_tongue_begins_at_the_traced_fold_of_the_quiet_motion(membrane):
     tongue = stored(f"tongue_{membrane}")
     line = tongue[tongue["event"] == ""]
-    (cusp,) = tongue[tongue["event"] == "cusp"]
+    cusp = min(tongue[tongue["event"] == "cusp"], key=lambda row: row["omega"])  # the full membrane's has others
     assert line["degrees"].min() < cusp["degrees"] < 1.25
     # from the cusp on to the quiet motion's side, on which omega rises with the amplitude
     side = line[np.argmin(np.hypot(line["omega"] - cusp["omega"], line["degrees"] - cusp["degrees"])) :]

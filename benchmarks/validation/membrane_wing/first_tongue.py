@@ -3,7 +3,7 @@
 From the fold at which the quiet motion begins at 2.5 degrees, to both sides: over the cusp along the lower edge of the
 resonant motion, and up. Results in ``../results/wing_tongue_*.csv``: a line a point, with the harmonics that it took
 and its error of truncation, and one for each cusp, birth and merge of an isola, named in the last column. CPU time on
-one core: 50 s for the quasi-linear membrane; for the full one more than 8 min, its results are not kept::
+one core: 50 s for the quasi-linear membrane, up to omega = 60; 14 min for the full one, up to 20::
 
     python first_tongue.py quasi_linear
 """
