@@ -3,7 +3,7 @@ The paper's quasi-linear response: twenty amplitudes, marched up and down
 =========================================================================
 
 Lift per pitching acceleration of the paper's wing with one harmonic, for pitch amplitudes from 0.5 to 10 degrees by
-0.5, marched up from :math:`\omega = 0.01` (left) and down from :math:`\omega = 100` (middle). Dots: folds.
+0.5, marched up from :math:`\omega = 0.01` (left) and down from :math:`\omega = 100` (right). Dots: folds.
 
 Marching up, the response stays resonant and leaves the first mode's peak at a fold that rises fast with the
 amplitude: :math:`\omega = 17` at 1.5 degrees, 48 at 2.5, beyond the picture from 4 degrees on. Marching down, it
@@ -16,8 +16,15 @@ jumps once, unlike its neighbours, as it comes from the fold of the second mode'
 first mode's resonant motion at once. The motions in between are there as well, and the quiet one ends at 12.74 and
 16.47, between the neighbours' last jumps.
 
-*Right:* for small amplitudes the response tends to the linear one, and the difference falls with the square of the
-amplitude, as the tension's growth does.
+*To a tolerance* of 1e-2, up to a frequency of 20 (lower left, filled): where `Diagram.march` falls, with landings
+by integration, along motions of as many harmonics as they need. Stored;
+``benchmarks/validation/membrane_wing/amplitudes.py`` makes it. Marching down, the quiet motion ends within two per
+cent of one harmonic's fold, where a march is on it. What one harmonic has not: marching up, the symmetric motion
+ends at a fold near :math:`\omega = 6` to 19, from 1.5 degrees on; and from 3.5 degrees on the resonant motion has a
+narrow loop of its own, near 3.4 to 6, where a harmonic meets a higher mode.
+
+*Lower right:* for small amplitudes the response tends to the linear one, and the difference falls with the square
+of the amplitude, as the tension's growth does.
 
 Forty marches of 240 frequencies take 28 s. Above a camber of a tenth of the chord, on the resonant motion from
 :math:`\omega` about 6 on, this is mathematics only.
@@ -27,6 +34,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 import hbnlp
+from hbnlp.testing import stored_result
 
 membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
 wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
@@ -76,10 +84,16 @@ for frequency, limit in zip(frequencies, linear, strict=True):
     print(f"omega = {frequency:g}: the difference from the linear response falls with alpha_2 to the power {rate:.3f}")
     assert abs(rate - 2.0) < 0.05
 
-figure, axes = plt.subplots(1, 3, figsize=(14, 4.8), width_ratios=(3, 3, 2), layout="constrained")
+# %%
+# Falls of slow marches to a tolerance, up to a frequency of 20, beside the folds of one harmonic.
+path = stored_result("wing_amplitudes.csv")
+legs = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
+falls = legs[np.isfinite(legs["falls_at"])]
+
+figure, axes = plt.subplots(2, 2, figsize=(12, 9), layout="constrained")
 drawn = {"per": "alpha_acceleration", "decibels": True, "marker": "", "jumps": False}
-for ax, way in zip(axes[:2], ("up", "down"), strict=True):
-    ax.set(xscale="log", title=f"marching {way}")
+for ax, way in zip(axes[0], ("up", "down"), strict=True):
+    ax.set(xscale="log", title=f"marching {way}, one harmonic")
     for degrees in np.arange(0.5, 10.01, 0.5):
         colour = plt.cm.viridis(degrees / 11)
         marches[way, degrees].plot("C_L", ax=ax, color=colour, **drawn)
@@ -88,9 +102,27 @@ for ax, way in zip(axes[:2], ("up", "down"), strict=True):
             ax.plot(fold.value, 20.0 * np.log10(gain), ".", color=colour, markersize=5.0)
     ax.set(xlim=(0.1, 110.0), ylim=(-50, 60), ylabel=r"$|C_L| \,/\, |\alpha''|$ (dB)")
 colours = plt.cm.ScalarMappable(plt.Normalize(0.0, 11.0), "viridis")
-figure.colorbar(colours, ax=axes[:2], label=r"$\alpha_2$ (degrees)", ticks=range(1, 11), aspect=40)
+figure.colorbar(colours, ax=axes[0], label=r"$\alpha_2$ (degrees)", ticks=range(1, 11), aspect=30)
+where = axes[1, 0]
+for way, marker, colour in (("up", "^", "C0"), ("down", "v", "C3")):
+    places = [(fold.value, degrees) for (its, degrees), found in folds.items() if its == way for fold in found]
+    where.plot(*zip(*places, strict=True), marker, color=colour, fillstyle="none", label=f"{way}, one harmonic")
+    chosen = falls[falls["way"] == way]
+    where.plot(chosen["falls_at"], chosen["degrees"], marker, color=colour, label=f"{way}, to a tolerance")
+where.set(
+    xscale="log", xlim=(2.0, 20.0), xlabel=r"$\omega c/U$", ylabel=r"$\alpha_2$ (degrees)", title="where marches fall"
+)
+where.set_xticks([], minor=True)
+where.set_xticks((2, 3, 5, 10, 20), ("2", "3", "5", "10", "20"))
+where.legend(fontsize="small", loc="upper left")
 for frequency, difference in zip(frequencies, differences, strict=True):
-    axes[2].loglog(small, difference, "o-", label=rf"$\omega = {frequency:g}$")
-axes[2].set(xlabel=r"$\alpha_2$ (degrees)", title="difference from linear (relative)")
-axes[2].legend(frameon=False)
+    axes[1, 1].loglog(small, difference, "o-", label=rf"$\omega = {frequency:g}$")
+axes[1, 1].set(xlabel=r"$\alpha_2$ (degrees)", title="difference from linear (relative)")
+axes[1, 1].legend(frameon=False)
 figure.savefig("figure_3_quasi_linear.png", dpi=110)
+
+# the fold at which the quiet motion ends, both ways, where both marches are on it
+quiet_ends = {(row["degrees"], round(row["falls_at"], 3)) for row in falls if row["way"] == "down"}
+for degrees, value in ((1.5, 2.978), (2.0, 3.751), (2.5, 4.577), (3.5, 6.362), (4.0, 7.285)):
+    assert (degrees, value) in quiet_ends
+    assert abs(folds["down", degrees][-1].value - value) < 0.02 * value

@@ -68,7 +68,7 @@ FIRST_SPAN, SECOND_SPAN = "end of the first span", "end of the second span"
 _COMPLETE = (FIRST_SPAN, SECOND_SPAN, Stop.CLOSED.value)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FoldCurvePoint:
     """A located event: ``first`` and ``second`` are the two parameters there."""
 
@@ -81,6 +81,9 @@ class FoldCurvePoint:
     def n_harmonics(self) -> int:
         """Number of harmonics of its motion."""
         return int(self.coefficients.shape[1]) // 2
+
+    def __repr__(self) -> str:
+        return f"{self.kind.value} at ({self.first:.8g}, {self.second:.8g})"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -236,7 +239,7 @@ class FoldBranch(ReadOnlyArrays, Tabular):
         def extent(values: Array) -> str:
             return f"[{values.min():.6g}, {values.max():.6g}]"
 
-        events = ", ".join(f"{e.kind.value} at ({e.first:.8g}, {e.second:.8g})" for e in self.events) or "none"
+        events = ", ".join(map(repr, self.events)) or "none"
         points = "folds" if self.event is None else f"events {self.event!r}"
         return (
             f"FoldBranch: {len(self)} {points}, {self.names[0]} in {extent(self.first)}, {self.names[1]} in "

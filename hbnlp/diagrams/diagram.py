@@ -57,7 +57,7 @@ class Origin:
     backward: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Junction:
     """A special point where branches meet.
 
@@ -74,6 +74,10 @@ class Junction:
     point: SpecialPoint
     branches: tuple[int, ...]
     has_images: bool = False
+
+    def __repr__(self) -> str:
+        where = f"of branch{'es' if len(self.branches) > 1 else ''} {', '.join(map(str, self.branches))}"
+        return f"{self.point!r}, {where}" + (", the last with a mirror image" if self.has_images else "")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

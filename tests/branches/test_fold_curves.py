@@ -254,6 +254,7 @@ def test_a_fold_curve_is_the_same_after_saving_and_loading(fold, tmp_path):
     assert (loaded.names, loaded.ends, dict(loaded.parameters)) == (curve.names, curve.ends, dict(curve.parameters))
     assert repr(loaded) == repr(curve)
     assert len(repr(curve).splitlines()) <= 5
+    assert repr(curve.events[0]) == f"cusp at ({curve.events[0].first:.8g}, {curve.events[0].second:.8g})"
     with pytest.raises(SaveError, match="could not write"):
         curve.save(tmp_path / "missing" / "curve.npz")
 

@@ -260,6 +260,9 @@ def test_a_diagram_comes_back_from_its_file(tmp_path, strong, diagram):
     diagram.save(tmp_path / "diagram.npz")
     loaded = hbnlp.Diagram.load(tmp_path / "diagram.npz", problem=strong)
     assert repr(loaded) == repr(diagram)
+    crossing = next(each for each in loaded.special_points if len(each.branches) > 1)
+    assert repr(crossing).startswith("branch point at 0.80")
+    assert repr(crossing).endswith("of branches 0, 1, the last with a mirror image")
     assert loaded.origins == diagram.origins
     assert [junction.branches for junction in loaded.junctions] == [junction.branches for junction in diagram.junctions]
     again = hbnlp.explore(strong, "omega", (0.3, 4.0), resume=loaded)

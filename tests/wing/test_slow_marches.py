@@ -172,3 +172,14 @@ def test_the_first_tongue_begins_at_the_traced_fold_of_the_quiet_motion(membrane
     omega = np.interp(2.5, side["degrees"], side["omega"])
     assert np.min(abs(ends(membrane) - omega)) < 2e-3 * omega
     assert np.all(line["truncation_error"] <= 1e-3)
+
+
+def test_marches_at_twenty_amplitudes_agree_at_the_papers_with_those_to_a_finer_tolerance():
+    legs = stored("amplitudes")
+    assert len(np.unique(legs["degrees"])) == 20
+    mine = legs[legs["degrees"] == 2.5]
+    for way in ("up", "down"):
+        (fall,) = mine[(mine["way"] == way) & np.isfinite(mine["falls_at"])]
+        assert fall["at"] == "fold"
+        finer = ends("quasi_linear")
+        assert np.min(abs(finer / fall["falls_at"] - 1.0)) < 1e-5

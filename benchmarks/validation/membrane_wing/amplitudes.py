@@ -57,8 +57,9 @@ def legs(at: dict[str, float]) -> list[list[float | str]]:
     options = {"depth": 2, "max_points": 4000, "beside_stable": True}
     diagram = hbnlp.explore(problem, "omega", SPAN, at=pitch, known=known, **options)
     rows: list[list[float | str]] = []
-    highest = [i for i, origin in enumerate(diagram.origins) if known and origin.value == SPAN[1]]
-    for way, branch in (("up", 0), ("down", highest[-1] if highest else None)):
+    stable = {stretch.branch for stretch in diagram.stretches() if stretch.stable}
+    highest = [i for i, origin in enumerate(diagram.origins) if origin.value == SPAN[1] and i in stable]
+    for way, branch in (("up", 0), ("down", highest[-1] if highest else None)):  # None: what is stable there
         for leg in diagram.march(way, branch=branch).legs:
             point = leg.stretch.at_high if way == "up" else leg.stretch.at_low
             kind = "end" if point is None else point.kind.value
