@@ -63,6 +63,6 @@ if __name__ == "__main__":
     for i, color in enumerate(colors):
         ax.plot(table.omega[i], amplitude[i], color=color, linewidth=0.9)
     ax.plot(omega, peak, "k.", markersize=3, label="largest amplitude")
-    ax.set(xlabel="omega", ylabel="amplitude of the first mode", title="damping ratios from 0.01 to 0.2")
-    ax.legend()
+    ax.set(xlabel=r"$\omega$", ylabel="amplitude of the first mode", title="damping ratios from 0.01 to 0.2")
+    ax.legend(loc="upper left", frameon=False)
     figure.savefig("study_of_dampings.png", dpi=110)
