@@ -10,7 +10,7 @@ amplitude: :math:`\omega = 17` at 1.5 degrees, 48 at 2.5, beyond the picture fro
 jumps several times: each jump is the end of the quiet motion of one mode's tongue (:doc:`hysteresis_map`), at
 2.5 degrees at :math:`\omega = 35`, 16.7 and 4.5.
 
-*Every jump has its fold*: a trace from the last solution before each of the 79 jumps folds in its bracket (dots),
+*Every jump has its fold*: a trace from the last solution before each of the 74 jumps folds in its bracket (dots),
 so that none is a failure of Newton's method. Where it lands is Newton's choice: at 7 and 9 degrees a march down
 jumps once, unlike its neighbours, as it comes from the fold of the second mode's motion, at 47.0 and 60.8, to the
 first mode's resonant motion at once. The motions in between are there as well, and the quiet one ends at 12.74 and
@@ -21,7 +21,7 @@ by integration, along motions of as many harmonics as they need. Stored;
 ``benchmarks/validation/membrane_wing/amplitudes.py`` makes it. Marching down, the quiet motion ends within two per
 cent of one harmonic's fold, where a march is on it. What one harmonic has not: marching up, the symmetric motion
 ends at a fold near :math:`\omega = 6` to 19, from 1.5 degrees on; and from 3.5 degrees on the resonant motion has a
-narrow loop of its own, near 3.4 to 6, where a harmonic meets a higher mode.
+narrow loop of its own, from 3.4 to 7 in :math:`\omega`, where a harmonic meets a higher mode.
 
 *Lower right:* for small amplitudes the response tends to the linear one, and the difference falls with the square
 of the amplitude, as the tension's growth does.

@@ -2,9 +2,10 @@
 
 At each amplitude the motions are explored in frequency, those that a slow march can meet: the branch from low
 frequencies, that of the motion which integration from rest leads to at the highest, and what crosses these where
-they are stable; `Diagram.march` goes along them and tells by integration where it lands. Results, leg by leg, in
-``../results/wing_amplitudes.csv``, with the kind of the special point at which each ends. CPU time: some minutes
-an amplitude. With ``--folder`` each amplitude is kept as it is done, and a run that was stopped goes on::
+they are stable; `Diagram.march` goes along them and tells by integration where it lands. Where rest leads to no
+stable periodic motion, the march down begins on the stable motion that reaches farthest. Results, leg by leg, in
+``../results/wing_amplitudes.csv``, with the kind of the special point at which each ends. CPU time: two minutes an
+amplitude. With ``--folder`` each amplitude is kept as it is done, and a run that was stopped goes on::
 
     python amplitudes.py --folder amplitudes
 """
