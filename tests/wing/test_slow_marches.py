@@ -12,12 +12,13 @@ import pytest
 import hbnlp
 
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "validation" / "results"
-MEMBRANES = ("quasi_linear",)
+MEMBRANES = ("quasi_linear", "nonlinear")
 SETTLED = 2.5e-3
 """Change of the state over twelve units of time."""
 MODULATED = 0.01
 """Lift between the harmonics of the pitch, relative to the first of them."""
-both = pytest.mark.parametrize("membrane", ["quasi_linear", "nonlinear"])
+SUBCRITICAL = {("nonlinear", "up"): 60.278955, ("nonlinear", "down"): 43.503881}
+"""Branch points at both ends of one branch of unstable motions, which close around the stable one before them."""
 membranes = pytest.mark.parametrize("membrane", MEMBRANES)
 marches = pytest.mark.parametrize(("membrane", "way"), [(m, way) for m in MEMBRANES for way in ("up", "down")])
 
@@ -51,18 +52,19 @@ def test_every_jump_of_a_march_has_a_special_point_of_the_traced_motions_in_its_
     for i in np.flatnonzero(march["jump"]):
         low, high = sorted(march["omega"][i - 1 : i + 1])
         assert high / low < 1.0035
-        inside = ends(membrane)
+        inside, pitchfork = ends(membrane), SUBCRITICAL.get((membrane, way), np.inf)
         if (
             march["between"][i - 1] < 0.05 * march["lift_1"][i - 1]
         ):  # else a modulated motion ended, which is not traced
-            assert np.any((low < inside) & (inside < high)), (low, high)
+            beside = abs(low / pitchfork - 1.0) < 0.01
+            assert beside or np.any((low < inside) & (inside < high)), (low, high)
             found += 1
     assert found >= 1
 
 
-@marches
-def test_a_march_by_integration_falls_where_a_march_through_the_diagram_does(membrane, way):
-    march, legs = stored(f"march_{membrane}_{way}"), stored(f"falls_{membrane}")
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_a_march_by_integration_falls_where_a_march_through_the_diagram_does(way):
+    march, legs = stored(f"march_quasi_linear_{way}"), stored("falls_quasi_linear")
     legs = legs[(legs["way"] == way) & np.isfinite(legs["falls_at"])]
     brackets = [sorted(march["omega"][i - 1 : i + 1]) for i in np.flatnonzero(march["jump"])]
     assert len(legs) == len(brackets)
@@ -97,6 +99,7 @@ def test_a_march_and_the_traced_motions_agree_to_half_a_per_cent_where_it_has_se
 @membranes
 def test_integration_from_every_stable_stretch_one_per_cent_larger_comes_back_to_it(membrane):
     reached = np.atleast_1d(stored(f"reached_{membrane}"))
+    reached = reached[reached["begin"] != reached["end"]]  # stretches of one point are as wide as what is added
     assert len(reached) >= 5
     for harmonic in (1, 3):
         traced, integrated = reached[f"traced_{harmonic}"], reached[f"integrated_{harmonic}"]
@@ -132,7 +135,7 @@ def ends_of_motions(membrane):
     return {(row["end"], row["variant"]): row for row in rows if np.isfinite(row["omega"])}
 
 
-@both
+@membranes
 def test_the_ends_of_the_motions_do_not_hang_on_the_tolerance(membrane):
     table = ends_of_motions(membrane)
     for (end, variant), row in table.items():
@@ -140,7 +143,7 @@ def test_the_ends_of_the_motions_do_not_hang_on_the_tolerance(membrane):
             assert abs(row["omega"] / table[end, "as is"]["omega"] - 1.0) < 1e-6
 
 
-@both
+@membranes
 def test_the_ends_of_the_motions_have_critical_multipliers(membrane):
     for row in ends_of_motions(membrane).values():
         multiplier = complex(row["multiplier"])
@@ -161,7 +164,7 @@ def test_a_short_trace_with_nine_harmonics_comes_to_the_kept_beginning_of_the_qu
     assert fold.value == pytest.approx(kept["omega"], rel=1e-6)
 
 
-@both
+@membranes
 def test_the_first_tongue_begins_at_the_traced_fold_of_the_quiet_motion(membrane):
     tongue = stored(f"tongue_{membrane}")
     line = tongue[tongue["event"] == ""]

@@ -7,14 +7,11 @@ Results in ``../results``: ``wing_diagram_*.csv``, a line a point, thinned to wh
 the special points, where ``changes`` says whether stability does; ``wing_reached_*.csv``, lifts traced and integrated;
 ``wing_intervals_*.csv``, both ends of each interval with several stable motions (`Diagram.intervals`);
 ``wing_falls_*.csv``, where slow marches go (`Diagram.march`), leg by leg. On one core the quasi-linear membrane
-takes 4 min of CPU time to explore, and some minutes more for the integrations::
+takes 4 min of CPU time to explore, the full one 13 min, and the integrations as long again or longer::
 
     python diagram.py quasi_linear
 
 With ``--file diagram.npz`` the diagram is kept as well, whole; a run that finds the file goes on from it.
-
-What is kept of the full membrane is no run of this script: its branches 0 and 1 are from before it explored by
-`hbnlp.explore`, 2 and 3 were traced by themselves, to the end of what is stable, and it has no intervals and falls.
 """
 
 from __future__ import annotations
