@@ -68,8 +68,9 @@ def explored(wing: hbnlp.System, path: Path | None) -> hbnlp.Diagram:
 
 def marches(diagram: hbnlp.Diagram) -> Iterator[list[object]]:
     """Yield what slow marches do, leg by leg: up from low frequencies, down from the motion that rest leads to."""
-    highest = next(i for i, origin in enumerate(diagram.origins) if origin.value is not None)
-    for way, branch in (("up", 0), ("down", highest)):
+    found = {i for i, origin in enumerate(diagram.origins) if origin.value is not None}  # from the highest frequency
+    highest = max((each for each in diagram.stretches() if each.stable and each.branch in found), key=lambda e: e.high)
+    for way, branch in (("up", 0), ("down", highest.branch)):
         for leg in diagram.march(way, branch=branch).legs:
             point = leg.stretch.at_high if way == "up" else leg.stretch.at_low
             kind = "end" if point is None else point.kind.value
