@@ -186,3 +186,14 @@ def test_marches_at_twenty_amplitudes_agree_at_the_papers_with_those_to_a_finer_
         assert fall["at"] == "fold"
         finer = ends("quasi_linear")
         assert np.min(abs(finer / fall["falls_at"] - 1.0)) < 1e-5
+
+
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_a_march_of_half_the_steps_leaves_its_motions_at_the_same_places(way):
+    brackets = []
+    for name in (f"march_quasi_linear_{way}", f"march_quasi_linear_{way}_halved"):
+        march = stored(name)
+        brackets.append([sorted(march["omega"][i - 1 : i + 1]) for i in np.flatnonzero(march["jump"])])
+    assert len(brackets[0]) == len(brackets[1]) == 2
+    for (low, high), (lower, higher) in zip(*brackets, strict=True):
+        assert max(low, lower) < min(high, higher)
