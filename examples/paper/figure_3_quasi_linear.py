@@ -8,7 +8,7 @@ Lift per pitching acceleration of the paper's wing with one harmonic, for pitch 
 Marching up, the response stays resonant and leaves the first mode's peak at a fold that rises fast with the
 amplitude: :math:`\omega = 17` at 1.5 degrees, 48 at 2.5, beyond the picture from 4 degrees on. Marching down, it
 jumps several times: each jump is the end of the quiet motion of one mode's tongue (:doc:`hysteresis_map`), at
-2.5 degrees at :math:`\omega = 35`, 16.7 and 4.5.
+2.5 degrees at :math:`\omega = 89.9`, 59.5, 34.8, 16.7 and 4.5.
 
 *Every jump has its fold*: a trace from the last solution before each of the 74 jumps folds in its bracket (dots),
 so that none is a failure of Newton's method. Where it lands is Newton's choice: at 7 and 9 degrees a march down
@@ -17,11 +17,13 @@ first mode's resonant motion at once. The motions in between are there as well, 
 16.47, between the neighbours' last jumps.
 
 *To a tolerance* of 1e-2, up to a frequency of 20 (lower left, filled): where `Diagram.march` falls, with landings
-by integration, along motions of as many harmonics as they need. Stored;
-``benchmarks/validation/membrane_wing/amplitudes.py`` makes it. Marching down, the quiet motion ends within two per
-cent of one harmonic's fold, where a march is on it. What one harmonic has not: marching up, the symmetric motion
-ends at a fold near :math:`\omega = 6` to 19, from 1.5 degrees on; and from 3.5 degrees on the resonant motion has a
-narrow loop of its own, from 3.4 to 7 in :math:`\omega`, where a harmonic meets a higher mode.
+by integration, along motions of as many harmonics as they need; where it cannot tell the landing the march ends.
+Stored; ``benchmarks/validation/membrane_wing/amplitudes.py`` makes it. Marching down, the quiet motion of the first
+mode ends within two per cent of one harmonic's fold at the amplitudes at which the march is on it (0.5 to 2.5
+degrees, 3.5, 4 and 5); at the others it comes from another motion, which ends earlier. What one harmonic has not:
+marching up, the motion ends at a fold, from 6.2 at 1.5 degrees to 18.9 at 6 (from 4.5 degrees on that of an
+asymmetric motion, beyond a branch point); and from 3.5 degrees on the resonant motion has a loop of its own, from
+3.4 to 7 in :math:`\omega`, 0.3 per cent wide at 3.5 degrees and 16 at 9.5, where a harmonic meets a higher mode.
 
 *Lower right:* for small amplitudes the response tends to the linear one, and the difference falls with the square
 of the amplitude, as the tension's growth does.

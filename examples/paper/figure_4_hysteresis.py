@@ -6,7 +6,7 @@ The case of Nardini, Illingworth and Sandberg: a membrane wing (:math:`\mu = 0.5
 = 0.002`, so that :math:`c_{T0} = 1`) pitches about its leading edge, :math:`\alpha = \alpha_2 \sin \omega t` with
 :math:`\alpha_2 = 2.5^\circ`, at a chord Reynolds number of 100. One command, some 20 s, follows the response from
 low frequencies to :math:`\omega = 12`, what crosses it, and what the quiet motion there is connected with, each
-with as many harmonics as a tolerance of 1e-3 asks for (9 to 47). Full lines are stable, broken ones unstable.
+with as many harmonics as a tolerance of 1e-3 asks for (11 to 47). Full lines are stable, broken ones unstable.
 
 *The interval with hysteresis.* From the fold at :math:`\omega = 4.577` on, a quiet motion exists beside the
 resonant one, with 20 dB less lift, and an unstable one between them. The resonant motion loses its symmetry at a

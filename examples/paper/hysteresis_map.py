@@ -28,9 +28,8 @@ meets.
 *To a tolerance* (right) the first tongue is there again, with both membranes, as followed with 15 to 37 harmonics
 and stored (``benchmarks/validation/membrane_wing/first_tongue.py``): it begins in a cusp at :math:`(\omega,
 \alpha_2)` = (2.535, 1.236 degrees), with the full membrane at (2.539, 1.242), and dips to 1.200 and 1.231 degrees.
-The full membrane's lower edge goes on beyond :math:`\omega = 9.7` through cusps of its own, where a higher mode
-resonates with a harmonic: there its symmetric motion ends early, at 7.6 for 2.5 degrees
-(:doc:`figure_5_harmonics`).
+The full
+membrane's lower edge goes on beyond :math:`\omega = 9.7` through further cusps, one at (6.499, 2.363) among them.
 
 35 s.
 """

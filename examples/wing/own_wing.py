@@ -9,7 +9,7 @@ or from steps (:doc:`rom_from_data`).
 
 *Upper left:* the response to a tolerance. Besides the resonant motion there is a quiet one, from a fold at
 :math:`\omega = 3.46` on, which no trace from low frequencies meets: `hbnlp.explore` finds it. Shaded is what
-exceeds the limits of `wing.validity`. *Upper right:* that fold in frequency and amplitude, with three harmonics: it
+exceeds the limits of `wing.validity`. *Upper right:* that fold in frequency and amplitude, with five harmonics: it
 begins in a cusp, below which there is one motion alone. *Below:* the lift of both motions over a period, and the
 stiffness and prestrain that come back from a table of lift, measured at rising frequencies, with noise of one per
 cent.
@@ -43,13 +43,13 @@ resonant.animate("own_wing.gif", in_space=True)
 
 # %%
 # The map of the fold at which the quiet motion begins.
-few = hbnlp.HarmonicBalance(wing, n_harmonics=3)
+few = hbnlp.HarmonicBalance(wing, n_harmonics=5)
 begin = hbnlp.solve(few, at={"omega": 4.0}, start=quiet)
 fold = hbnlp.trace(begin, "omega", (4.0, 3.0)).folds[0]
 curve = hbnlp.follow(fold, "pitch_amplitude", limits=(0.5, 8.0), span=np.radians((1.0, 8.0)))
-cusp = min(curve.cusps, key=lambda point: point.second)
+(cusp,) = curve.cusps
 print(
-    f"with three harmonics: {fold}, from a cusp at omega = {cusp.first:.3f}, {np.degrees(cusp.second):.2f} degrees on"
+    f"with five harmonics: {fold}, from a cusp at omega = {cusp.first:.3f}, {np.degrees(cusp.second):.2f} degrees on"
 )
 
 # %%
@@ -64,7 +64,14 @@ with Path("own_sweep.csv").open("w", newline="") as stream:
 measured = Measurements.from_csv("own_sweep.csv", omega="omega", amplitude="lift")
 variables = Variables({"stiffness": (40.0, 250.0), "prestrain": (0.002, 0.03)})
 starts = [{"stiffness": 80.0, "prestrain": 0.008}, {"stiffness": 130.0, "prestrain": 0.012}]
-fit = identify(few, variables, measured, "C_L", start=starts, weights=1.0 / measured.amplitude**2)
+fit = identify(
+    hbnlp.HarmonicBalance(wing, n_harmonics=3),
+    variables,
+    measured,
+    "C_L",
+    start=starts,
+    weights=1.0 / measured.amplitude**2,
+)
 print(fit)
 
 figure, ((response, plane), (signals, fitted)) = plt.subplots(2, 2, figsize=(11.0, 8.0), layout="constrained")

@@ -41,10 +41,14 @@ def alike_outputs(system: System) -> list[tuple[Spectrum | None, list[int], ca.F
 
 @by_one_thread
 def derivative_by_lags(function: ca.Function) -> ca.Function | None:
-    """Return the derivative of outputs by x, a function of the parameters, or None where it varies with the motion."""
+    """Return the derivative of outputs by x, a function of the parameters, or None where it varies with the motion.
+
+    None as well where they switch with x: a step has the derivative zero.
+    """
     arguments = [ca.SX.sym("argument", function.size1_in(i)) for i in range(function.n_in())]
-    derivative = ca.jacobian(function(*arguments), arguments[TAU - 1])
-    if ca.depends_on(derivative, ca.vertcat(*arguments[: TAU + 1])):
+    values, lags = function(*arguments), arguments[TAU - 1]
+    derivative = ca.jacobian(values, lags)
+    if ca.depends_on(derivative, ca.vertcat(*arguments[: TAU + 1])) or ca.depends_on(switches(values), lags):
         return None
     return ca.Function("by_lags", [arguments[-1]], [derivative])
 

@@ -252,7 +252,7 @@ def _of_samples(points: Sequence[tuple[HarmonicBalance, Array, Array]]) -> str:
 
 
 def _n_operations(function: ca.Function) -> float:
-    """Return the number of scalar operations of a function; inf if a callback of the user's is among them."""
+    """Return the number of scalar operations of a function; inf if it cannot be written out in them."""
     try:
         return float(function.expand().n_instructions())
     except RuntimeError:

@@ -34,6 +34,7 @@ from hbnlp.core.checks import (
     position,
     real_number,
     refused,
+    unknown_name,
     whole_number,
 )
 from hbnlp.core.interrupts import interrupts_kept
@@ -209,8 +210,10 @@ def identify(
     ------
     ConvergenceError
         If a fit fails, or the branch has no stable part; of several starts, if all fail.
-    ValueError
-        If the measurements do not determine all variables.
+    ValueError, KeyError
+        If the measurements do not determine all variables; for a start with other names.
+    KeyboardInterrupt
+        On Ctrl-C: a fit that is not done is worth nothing.
     """
     instance_of("problem", problem, HarmonicBalance, "a HarmonicBalance(system, n_harmonics=...)")
     instance_of("variables", variables, Variables, "the Variables(...) to be found")
@@ -284,7 +287,10 @@ def identify(
 
 
 def _check_start(called: str, start: Mapping[str, float], variables: Variables) -> None:
+    for name in {*variables.names} ^ {*start}:
+        unknown = f"{called}: {unknown_name('variable', name, variables.names)}"
+        raise KeyError(unknown if name in start else f"{called} lacks {name!r}")
     for name, (low, high) in zip(variables.names, variables.limits, strict=True):
         here = f"{called}[{name!r}]"
-        if name in start and not low <= real_number(here, start[name]) <= high:
+        if not low <= real_number(here, start[name]) <= high:
             raise refused(ValueError, here, start[name], f"a value within its limits, {low:g} to {high:g}")

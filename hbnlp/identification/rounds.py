@@ -12,6 +12,7 @@ from hbnlp.balance.problem import HarmonicBalance
 from hbnlp.branches.branch import Branch
 from hbnlp.branches.tracing import trace
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.core.kinds import End
 from hbnlp.core.types import Array, BoolArray
 from hbnlp.design.variables import Variables
 from hbnlp.identification.fitting import Identification, Identified
@@ -114,6 +115,8 @@ class Rounds:
     def _traced(self, values: Mapping[str, float]) -> tuple[Branch, list[Part]]:
         task, at = self._task, {**self._task.at, **values}
         branch = trace(task.problem, OMEGA, task.span, at=at)
+        if branch.end is End.INTERRUPTED:  # a part of it is good for nothing here
+            raise KeyboardInterrupt
         parts = parts_of(branch, task.output, task.harmonic)
         if not parts:
             raise ConvergenceError(f"the branch has no stable part with {at}; start with other values", branch)

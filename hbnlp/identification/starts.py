@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
 from typing import Any
 
-from hbnlp.core.errors import ConvergenceError
 from hbnlp.core.many import each_of
 from hbnlp.identification.rounds import Outcome, Rounds, Task
 
-_FAILED = (ConvergenceError, ValueError)
-"""What a fit from a start that leads nowhere ends with."""
+logger = logging.getLogger(__name__)
 
 
 def best_of(
@@ -25,26 +24,26 @@ def best_of(
 
     Raises
     ------
-    ConvergenceError, ValueError
-        What the first start raised, if all failed.
+    Exception
+        What the first start raised, if all failed; that others failed is logged.
     """
     ended: dict[int, Any] = {}
     for _ in each_of(partial(_from_start, task), starts, ended.__setitem__, executor=executor):
         pass
     all_ended = [ended[i] for i in range(len(starts))]
-    for each in all_ended:
-        if isinstance(each, BaseException) and not isinstance(each, _FAILED):
-            raise each
     outcomes = [each for each in all_ended if isinstance(each, Outcome)]
     if not outcomes:
         raise all_ended[0]
+    for number, each in enumerate(all_ended):
+        if not isinstance(each, Outcome):
+            logger.warning("start[%d] led nowhere: %s: %s", number, type(each).__name__, each)
     scale = min(outcome.fitted.scale for outcome in outcomes)
     best = min(outcomes, key=lambda outcome: task.cost(outcome.fitted, scale))
     return best, tuple(each.fitted.found.values if isinstance(each, Outcome) else None for each in all_ended)
 
 
-def _from_start(task: Task, start: Mapping[str, float]) -> Outcome | ConvergenceError | ValueError:
+def _from_start(task: Task, start: Mapping[str, float]) -> Outcome | Exception:
     try:
         return Rounds(task).until_settled(start)
-    except _FAILED as error:  # told of if no other start does better
+    except Exception as error:  # noqa: BLE001 - another start may do better
         return error

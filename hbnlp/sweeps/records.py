@@ -69,7 +69,8 @@ class Sweep(AlongParameter, Tabular):
     -----
     A jump is a change that the way back does not undo: where the solution changes by more than 2 %, or by more than
     0.1 % and five times the change before, or Newton's method needs a new start, the parameter is taken back, in one
-    step or in growing ones, and the old solution must come out again, with as many harmonics as it had.
+    step or in growing ones, and the old solution must come out again, with as many harmonics as it had. Just before a
+    fold a long step may come to the unstable solution, which is so near that no jump is told: shorter ones do not.
     """
 
     name: str

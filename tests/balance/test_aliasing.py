@@ -1,5 +1,7 @@
 """Nothing that is sampled folds back unseen: forcing, motion and outputs of balances, solutions and branches."""
 
+import warnings
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -226,6 +228,40 @@ def test_a_program_warns_of_an_output_that_switches_and_is_exact_for_one_that_do
         with pytest.warns(AliasingWarning, match=f"output '{name}' switches"):
             found = to_complex(solution(problem.output(name)))
         np.testing.assert_allclose(found, solution.harmonics(name), atol=exact)
+
+
+@pytest.mark.parametrize(
+    ("output", "exact"),
+    [
+        pytest.param(lambda s: s.p.gain * s.x[0] - s.x[1] + s.q[0] ** 3, 1e-12, id="linear"),
+        pytest.param(lambda s: s.x[0] * s.q[0], 1e-12, id="product"),
+        pytest.param(lambda s: s.x[0] * ca.cos(s.tau), 1e-12, id="by phase"),
+        pytest.param(lambda s: s.x[1] ** 2, 1e-12, id="square"),
+        pytest.param(lambda s: ca.sign(s.x[0]), 5e-3, id="sign"),
+        pytest.param(lambda s: ca.if_else(s.x[0] > 0.0, s.q[0], 2.0 * s.q[0]), 5e-3, id="either"),
+        pytest.param(lambda s: ca.floor(4.0 * s.x[0]) + s.x[1], 2e-2, id="floor"),
+        pytest.param(lambda s: ca.fabs(s.x[1]), 5e-3, id="modulus"),
+    ],
+)
+def test_programs_know_outputs_of_lag_states(output, exact):
+    """Those that are linear in them take no samples of them; a step has the derivative zero and is not linear."""
+    system = System(
+        ONE,
+        [[0.5]],
+        ONE,
+        forcing=lambda tau, p: [0.5 * ca.cos(tau)],
+        lag_state=np.diag([-1.0, -3.0]),
+        lag_input=[[1.0], [0.5]],
+        lag_output=[[0.1, 0.2]],
+        parameters={"gain": 2.0},
+        outputs={"output": output},
+    )
+    problem = HarmonicBalance(system, 5)
+    solution = solve(problem, at={"omega": 1.3})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AliasingWarning)
+        found = to_complex(solution(problem.output("output")))
+    np.testing.assert_allclose(found, solution.harmonics("output"), atol=exact)
 
 
 def test_a_singular_output_is_said_to_be_so():

@@ -1,8 +1,10 @@
 """Tables of measured amplitudes: parts found, wrong points named, values within their confidence; wrong tables."""
 
+import signal
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -79,6 +81,53 @@ def test_starts_that_all_fail_raise_what_the_first_raised(problem, measured):
         identify(problem, variables, measured, "x", start=[{"cubic": 0.1, "force": 0.15}, {"cubic": 0.1, "force": 0.6}])
     with pytest.raises(ValueError, match="one mapping"):
         identify(problem, variables, measured, "x", start=[])
+
+
+def test_names_of_a_start_are_checked_before_any_fit(problem, measured, monkeypatch):
+    variables = Variables({"cubic": (0.001, 0.5), "force": (0.05, 0.5)})
+    monkeypatch.setattr("hbnlp.identification.measured.best_of", None)
+    good = {"cubic": 0.1, "force": 0.15}
+    with pytest.raises(KeyError, match=r"start\[1\] lacks 'force'"):
+        identify(problem, variables, measured, "x", start=[good, {"cubic": 0.1}])
+    with pytest.raises(KeyError, match=r"start\[2\]: unknown variable 'forc'.*did you mean 'force'"):
+        identify(problem, variables, measured, "x", start=[good, good, {**good, "forc": 0.1}])
+
+
+def test_a_start_that_raises_does_not_take_the_others_with_it(measured, caplog):
+    system = hbnlp.System(
+        1.0,
+        0.05,
+        1.0,
+        nonlinear_force=lambda q, v, tau, p: (p.cubic + 1e-9 * ca.sqrt(p.force - 0.1)) * q**3,
+        forcing=lambda tau, p: p.force * ca.cos(tau),
+        parameters=TRUE,
+        outputs={"x": lambda s: s.q[0]},
+    )
+    variables = Variables({"cubic": (0.01, 0.5), "force": (0.05, 0.5)})
+    starts = [{"cubic": 0.1, "force": 0.06}, {"cubic": 0.13, "force": 0.15}]
+    fit = identify(hbnlp.HarmonicBalance(system, 3), variables, measured, "x", start=starts)
+    assert fit.led_to[0] is None
+    assert fit.values == pytest.approx(TRUE, rel=0.05)
+    assert "start[0] led nowhere: NonFiniteError" in caplog.text
+
+
+def test_ctrl_c_during_a_trace_ends_the_identification(problem, measured, monkeypatch):
+    variables, begun = Variables({"cubic": (0.01, 0.5), "force": (0.05, 0.5)}), []
+
+    def interrupted(*arguments, **options):
+        def raise_at(progress):
+            if progress.counts["points"] == 20:
+                signal.raise_signal(signal.SIGINT)
+
+        begun.append(arguments)
+        return trace(*arguments, **options, callbacks=[raise_at])
+
+    trace = hbnlp.trace
+    monkeypatch.setattr("hbnlp.identification.rounds.trace", interrupted)
+    starts = [{"cubic": 0.13, "force": 0.15}] * 3
+    with pytest.raises(KeyboardInterrupt):
+        identify(problem, variables, measured, "x", start=starts)
+    assert len(begun) == 1
 
 
 def test_the_part_of_each_point_is_found_without_its_way(fit, measured):
