@@ -48,9 +48,7 @@ begin = hbnlp.solve(few, at={"omega": 4.0}, start=quiet)
 fold = hbnlp.trace(begin, "omega", (4.0, 3.0)).folds[0]
 curve = hbnlp.follow(fold, "pitch_amplitude", limits=(0.5, 8.0), span=np.radians((1.0, 8.0)))
 (cusp,) = curve.cusps
-print(
-    f"with five harmonics: {fold}, from a cusp at omega = {cusp.first:.3f}, {np.degrees(cusp.second):.2f} degrees on"
-)
+print(f"with five harmonics: {fold}, from a cusp at omega = {cusp.first:.3f}, {np.degrees(cusp.second):.2f} degrees on")
 
 # %%
 # A table of measured lift, here of the wing itself with noise, and what it tells of the membrane.

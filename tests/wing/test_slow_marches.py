@@ -197,3 +197,19 @@ def test_a_march_of_half_the_steps_leaves_its_motions_at_the_same_places(way):
     assert len(brackets[0]) == len(brackets[1]) == 2
     for (low, high), (lower, higher) in zip(*brackets, strict=True):
         assert max(low, lower) < min(high, higher)
+
+
+def test_marches_through_the_full_membranes_diagram_leave_its_motions_where_integration_does():
+    """Beyond their last legs the motions are modulated, and the diagram does not say where they go."""
+    legs, march = stored("falls_nonlinear"), stored("march_nonlinear_up")
+    brackets = [sorted(march["omega"][i - 1 : i + 1]) for i in np.flatnonzero(march["jump"])]
+    falls = legs[(legs["way"] == "up") & np.isfinite(legs["falls_at"])]
+    assert len(falls) == 3
+    for leg, (low, high) in zip(falls, brackets[:3], strict=True):
+        assert low < leg["falls_at"] < high
+    (left,) = legs[legs["way"] == "down"]
+    march = stored("march_nonlinear_down")
+    modulated = march["omega"][march["between"] > 0.05 * march["lift_1"]]
+    assert left["at"] == "Neimark-Sacker"
+    assert modulated.max() == pytest.approx(left["leaves"], rel=0.03)
+    assert modulated.max() < left["leaves"]
