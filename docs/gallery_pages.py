@@ -19,10 +19,12 @@ from hbnlp import ValidityWarning
 READING_ORDER = {
     "paper": (
         "figure_2_linear_lift",
+        "small_amplitudes",
         "figure_3_quasi_linear",
         "figure_4_hysteresis",
         "figure_5_harmonics",
         "hysteresis_map",
+        "first_tongue",
         "all_solutions",
         "direct_integration",
         "modes",

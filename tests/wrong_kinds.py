@@ -473,7 +473,7 @@ def examples():
         "identification.identify": {
             "problem": w.problem, "variables": w.variables, "measurements": w.measurements, "output": "x",
             "start": {"force": 0.2}, "harmonic": 1, "at": None, "weights": np.ones(len(w.measurements)), "noise": 0.01,
-            "threshold": 4.0, "span": (0.5, 1.5),
+            "threshold": 4.0, "span": (0.5, 1.5), "executor": None,
         },
         "systems.chain": {"n_masses": 2, "damping": 0.1, "cubic": 1.0, "force": 1.0},
         "systems.duffing": {"damping_ratio": 0.1, "cubic": 1.0, "force": 1.0},
