@@ -26,7 +26,7 @@ higher mode resonates with the third harmonic of the motion.
 between its extrema, from 1.18 to 1.29 degrees, the resonant motion is a loop of its own, which no march from rest
 meets.
 
-60 s.
+90 s.
 """
 
 import numpy as np
