@@ -1,6 +1,5 @@
 """Tables of measured amplitudes: parts found, wrong points named, values within their confidence; wrong tables."""
 
-import signal
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
