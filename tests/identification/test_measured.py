@@ -116,7 +116,7 @@ def test_ctrl_c_during_a_trace_ends_the_identification(problem, measured, monkey
     def interrupted(*arguments, **options):
         def raise_at(progress):
             if progress.counts["points"] == 20:
-                signal.raise_signal(signal.SIGINT)
+                raise KeyboardInterrupt
 
         begun.append(arguments)
         return trace(*arguments, **options, callbacks=[raise_at])
