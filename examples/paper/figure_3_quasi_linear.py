@@ -99,7 +99,7 @@ where.set(
 )
 where.set_xticks([], minor=True)
 where.set_xticks((2, 3, 5, 10, 20), ("2", "3", "5", "10", "20"))
-where.legend(fontsize="small", loc="upper left")
+where.legend(fontsize="x-small", loc="upper left", frameon=False)
 figure.savefig("figure_3_quasi_linear.png", dpi=110)
 
 # the fold at which the quiet motion ends, both ways, where both marches are on it
