@@ -258,13 +258,14 @@ def identify(
     )
     outcome, led_to = best_of(task, starts, executor)
     wrong = np.flatnonzero(~outcome.fitted.used)
+    left, whole = outcome.fitted.found.noise, float(np.sqrt(np.mean(task.even(measurements.amplitude) ** 2)))
     message = "converged"
     if MANY * wrong.size > len(measurements):
         message = (
             f"{wrong.size} of {len(measurements)} amplitudes are on no part of the branch: start nearer, or let more "
             "variables vary"
         )
-    elif (left := outcome.fitted.found.noise) > POOR * (whole := float(np.sqrt(np.mean(task.standardised**2)))):
+    elif left > POOR * whole:
         message = (
             f"what the fit leaves, {left:.2g}, is not small beside the amplitudes, {whole:.2g}: "
             "look at the units, the output and the harmonic, or start nearer"

@@ -52,15 +52,13 @@ class Task:
     threshold: float
     span: tuple[float, float]
 
-    @property
-    def standardised(self) -> Array:
-        """Amplitudes in the units in which all have the same standard deviation, (n,)."""
-        return np.asarray(np.sqrt(self.weights) * self.measured.amplitude)
+    def even(self, values: Array) -> Array:
+        """Return amplitudes or residuals in the units in which all have the same standard deviation, (n,)."""
+        return np.asarray(np.sqrt(self.weights) * values)
 
     def cost(self, done: Fitted, scale: float) -> float:
         """Return the sum of the squared residuals of a fit, of wrong ones the threshold's, with this deviation."""
-        even = np.sqrt(self.weights) * done.found.residuals
-        return float(np.sum(np.minimum((even / scale) ** 2, self.threshold**2)))
+        return float(np.sum(np.minimum((self.even(done.found.residuals) / scale) ** 2, self.threshold**2)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,26 +158,22 @@ class Rounds:
 
     @property
     def _least_scale(self) -> float:
-        return EXACT * float(self._task.standardised.max())
-
-    def _even(self, residuals: Array) -> Array:
-        """Return residuals in the units in which all have the same standard deviation."""
-        return np.asarray(np.sqrt(self._task.weights) * residuals)
+        return EXACT * float(self._task.even(self._measured.amplitude).max())
 
     def _scale(self, residuals: Array) -> float:
         """Return the standard deviation of residuals, a few of which may be wrong."""
         if self._task.noise is not None:
             return self._task.noise
         n, p = residuals.size, len(self._variables.names)
-        found = MAD * float(np.median(np.abs(self._even(residuals)))) * float(np.sqrt(n / max(n - p, 1)))
+        found = MAD * float(np.median(np.abs(self._task.even(residuals)))) * float(np.sqrt(n / max(n - p, 1)))
         return max(found, self._least_scale)
 
     def _weights(self, residuals: Array) -> Array:
         """Return the weights by which least squares have the gradient of the soft l1 loss."""
-        return np.asarray(1.0 / np.sqrt(1.0 + (self._even(residuals) / self._scale(residuals)) ** 2))
+        return np.asarray(1.0 / np.sqrt(1.0 + (self._task.even(residuals) / self._scale(residuals)) ** 2))
 
     def _within(self, residuals: Array, scale: float) -> BoolArray:
-        return np.asarray(np.abs(self._even(residuals)) <= self._task.threshold * scale)
+        return np.asarray(np.abs(self._task.even(residuals)) <= self._task.threshold * scale)
 
     def _agrees(self, done: Fitted, again: Assignment) -> bool:
         """Whether the measurements lie on the parts that the fitted amplitudes lie on, and the wrong ones on none."""
