@@ -120,13 +120,16 @@ class Symbols:
         """Coefficients (2H+1, m) of x."""
         return self._lagged(ca.MX(ca.DM.eye(self._system.n_lags)))
 
+    @built_once
+    def _lags(self) -> Lags:
+        return Lags(self._system.lag_state, self._system.lag_input, self._system.lag_motion)
+
     def _lagged(self, output: ca.MX) -> ca.MX:
         """Coefficients (2H+1, k) of C x with a matrix C (k, m): harmonic by harmonic C (s - A)^-1 [B, B_u] s^2 [q; u].
 
         The transfer matrices, formed in A's eigenvectors, hold parameters alone: numbers, where the frequency is one.
         """
-        system, rate = self._system, self._rate
-        lags = Lags(system.lag_state, system.lag_input, system.lag_motion)
+        lags, rate = self._lags, self._rate
         accelerations = ca.horzcat(self._motion[2], self._excitation[1])
         in_r, in_i = ca.DM(lags.inputs.real), ca.DM(lags.inputs.imag)
         out_r, out_i = output @ ca.DM(lags.vectors.real), output @ ca.DM(lags.vectors.imag)

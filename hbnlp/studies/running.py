@@ -87,7 +87,7 @@ def study(
     about = described(task)
     if folder is not None:
         file_name("folder", folder)
-        check_known(task)
+        check_known(task, about)
     kept = None if folder is None else Folder(folder, about, points)
     found = {} if kept is None else kept.found(_problem_of(task))
     known = {i: outcome for i, outcome in found.items() if i < len(points.all) and not isinstance(outcome, Failure)}

@@ -70,9 +70,8 @@ def described(task: Callable[..., Any]) -> dict[str, Any]:
     return {"function": f"{place}.{name}", "arguments": {} if its is None else {"self": _described(its)}}
 
 
-def check_known(task: Callable[..., Any]) -> None:
-    """Raise a ValueError if a task can be another one under the same name, so that a folder would take it for this."""
-    about = described(task)
+def check_known(task: Callable[..., Any], about: Mapping[str, Any]) -> None:
+    """Raise a ValueError if a task, as `described`, can be another one under the same name: a folder would mix them."""
     unknown = [name for name, said in about["arguments"].items() if UNKNOWN in said]
     if about["function"].endswith("<lambda>") or unknown:
         what = f"its argument {unknown[0]!r}" if unknown else "a lambda"
