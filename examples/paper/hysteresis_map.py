@@ -71,7 +71,7 @@ curves, of_three = fold_curves(problem), fold_curves(problem.with_harmonics(3))
 to_tolerance = fold_curves(problem, (0.5,), hbnlp.HarmonicBalance(wing, tolerance=1e-3))
 for number, group in (("1 harmonic", curves), ("3 harmonics", of_three), ("a tolerance", to_tolerance)):
     for curve in group:
-        print(f"{number}: from {np.degrees(curve.cusps[0].second):.4f} degrees on, {curve!r}")
+        print(f"{number}: {curve.n_harmonics.min()} to {curve.n_harmonics.max()} harmonics, {curve!r}")
 
 # where the resonant motion has a camber of a tenth, down to the amplitude at which this curve turns
 events = {"camber 0.1": lambda s: s.amplitude_squared("midchord") - 0.01}

@@ -177,6 +177,18 @@ def test_the_first_tongue_begins_at_the_traced_fold_of_the_quiet_motion(membrane
     assert np.all(line["truncation_error"] <= 1e-3)
 
 
+def test_one_unstable_branch_closes_on_both_subcritical_branch_points():
+    """Between them, where the symmetric motion is stable, it is unstable, and it meets that motion at both ends."""
+    low, high = sorted(SUBCRITICAL.values())
+    diagram = stored("diagram_nonlinear")
+    parts = [diagram[diagram["branch"] == number] for number in np.unique(diagram["branch"])]
+    (shared,) = [
+        p for p in parts if abs(p["omega"].min() / low - 1.0) < 1e-3 and abs(p["omega"].max() / high - 1) < 1e-3
+    ]
+    assert not shared["stable"].any()
+    assert low < shared["omega"].min() < shared["omega"].max() < high
+
+
 def test_marches_at_twenty_amplitudes_agree_at_the_papers_with_those_to_a_finer_tolerance():
     legs = stored("amplitudes")
     assert len(np.unique(legs["degrees"])) == 20
