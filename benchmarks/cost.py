@@ -5,6 +5,7 @@ turn, and how many sets of multipliers are asked for. Run it from the root of th
 
     python benchmarks/cost.py            # the table
     python benchmarks/cost.py --growth   # growth with degrees of freedom, harmonics and lag states as well
+    python benchmarks/cost.py --march    # a march by integration in time
     python benchmarks/cost.py --many     # many harmonics, with the peak memory (Unix)
 """
 
@@ -15,6 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -92,6 +94,23 @@ PITCH = {"pitch_amplitude": np.radians(2.5)}
 
 def row(name: str, *cells: str) -> None:
     print(f"{name:58s}" + "".join(f"{cell:>16s}" for cell in cells), flush=True)
+
+
+def march() -> None:
+    """Print what a march of the paper's wing by integration costs: 67 frequencies of 60 periods each."""
+    membrane = hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
+    system = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
+    row("march by integration, omega 1 to 60, 60 periods each", "periods", "CPU s", "us a step")
+    for method in (hbnlp.ExponentialRungeKutta4(), hbnlp.RungeKutta4()):
+        begin, n_steps, periods, state = time.process_time(), 0, 0, None
+        for omega in np.linspace(1.0, 60.0, 67):
+            response = hbnlp.integrate(
+                system, at={**PITCH, "omega": omega}, start=state, method=method, max_periods=60, throw=False
+            )
+            state, periods = response.state, periods + response.n_periods
+            n_steps += response.n_periods * len(response.t)
+        seconds = time.process_time() - begin
+        row(f"  {type(method).__name__}", f"{periods}", f"{seconds:.1f}", f"{1e6 * seconds / n_steps:.1f}")
 
 
 def table() -> None:
@@ -221,8 +240,11 @@ def many_harmonics() -> None:
 
 
 if __name__ == "__main__":
+    warnings.simplefilter("ignore", hbnlp.ValidityWarning)  # the motions are what they are: here they are timed
     if "--many" in sys.argv[1:]:  # first: a peak is that of the whole run
         many_harmonics()
     table()
     if "--growth" in sys.argv[1:]:
         growth()
+    if "--march" in sys.argv[1:]:
+        march()

@@ -41,6 +41,7 @@ from hbnlp.core.renamed import renamed_name
 from hbnlp.diagrams.diagram import Diagram
 from hbnlp.diagrams.exploring import explore
 from hbnlp.integration.cvodes import Adaptive
+from hbnlp.integration.exponential import ExponentialRungeKutta4
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate
@@ -84,6 +85,7 @@ __all__ = [
     "CornerError",
     "Diagram",
     "End",
+    "ExponentialRungeKutta4",
     "Failure",
     "Floquet",
     "FloquetResult",

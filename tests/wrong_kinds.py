@@ -98,7 +98,13 @@ RESULTS = {
 
 
 INNER = {
-    *("Adaptive.propagator", "RungeKutta4.propagator", "Rootfinder.solver", "HarmonicBalance.samples_suffice"),
+    *(
+        "Adaptive.propagator",
+        "RungeKutta4.propagator",
+        "ExponentialRungeKutta4.propagator",
+        "Rootfinder.solver",
+        "HarmonicBalance.samples_suffice",
+    ),
     *("HarmonicBalance.aliasing", "HarmonicBalance.carrying", "HarmonicBalance.check_doubling"),
     *("HarmonicBalance.corner", "HarmonicBalance.over_twice_the_period"),
     *("HarmonicBalance.with_enough_samples", "Branch.of_parts"),
@@ -305,6 +311,7 @@ def examples():
         },
         "Rootfinder": {"plugin": "newton", "tol": 1e-10, "max_iterations": 10},
         "RungeKutta4": {"steps_per_period": 256},
+        "ExponentialRungeKutta4": {"steps_per_period": 256},
         "Search": {
             "n_starts": 1, "amplitudes": (0.1, 1.0), "n_deflated": 0, "largest_load": 0.0, "separation": 1e-5,
             "max_iterations": 5, "newton": hbnlp.Newton(),

@@ -2,21 +2,21 @@ r"""
 Direct integration of the full nonlinear membrane, up and down
 ==============================================================
 
-The paper's wing at 2.5 degrees with the exact arc of the membrane (`hbnlp.NonlinearMembrane`), integrated by the
-fourth-order Runge-Kutta scheme, the frequency changed in steps and the state carried over: up along the resonant
-motion, down along the quiet one, which falls onto the resonant motion below the fold. The first harmonic of the lift
-is laid over the branches of harmonic balance with nine harmonics, with the quasi-linear membrane and with the full
-one.
+The paper's wing at 2.5 degrees with the exact arc of the membrane (`hbnlp.NonlinearMembrane`), integrated by an
+exponential Runge-Kutta scheme of fourth order (:class:`hbnlp.ExponentialRungeKutta4`), the frequency changed in
+steps and the state carried over: up along the resonant motion, down along the quiet one, which falls onto the
+resonant motion below the fold. The first harmonic of the lift is laid over the branches of harmonic balance with
+nine harmonics, with the quasi-linear membrane and with the full one.
 
-*What differs.* From the state that harmonic balance gives, the full membrane's lift stays within 0.02 per cent of it.
-With the state carried over from another frequency, up to 0.7 per cent is left after forty periods, near the fold
-more: at this Reynolds number the wake forgets slowly (and integration has no way to know). The quasi-linear membrane,
-its tension cut after the square of the slope, is 1.3 per cent off at :math:`\omega = 4.2` and 1.8 at 5.0, while the
-full one has 0.1 and 0.04: it is that truncation, not the one of the harmonics, that makes the difference, and it
-grows with the camber.
+*What differs.* From the state that harmonic balance gives, the full membrane's lift stays within 0.02 per cent of
+it. With the state carried over from another frequency, up to 0.7 per cent is left after forty periods, near the
+fold more: at this Reynolds number the wake forgets slowly (and integration has no way to know). The quasi-linear
+membrane, its tension cut after the square of the slope, is 1.3 per cent off at :math:`\omega = 4.2` and 1.8 at 5.0,
+while the full one has 0.1 and 0.04: it is that truncation, not the one of the harmonics, that makes the difference,
+and it grows with the camber.
 
-*What it costs.* A point integrated costs some forty times as much as one traced with its stability: the steps must
-resolve the fastest lag state, the periods the slowest decay. And integration shows no unstable motion (dashed).
+*What it costs.* A point integrated costs some seven times as much as one traced with its stability: forty periods,
+for the slowest decay. And integration shows no unstable motion (dashed).
 """
 
 import time
@@ -59,7 +59,7 @@ for name, result, marker in (("up", up, "^"), ("down", down, "v")):
             found.append(min(values, key=lambda value: abs(value - lift)))
         print(f"{name:>6} {omega:7.2f} {lift:13.5f} {found[-2]:12.5f} {found[-1]:12.5f}")
     errors = abs(np.reshape(found, (-1, 2)) / lifts[:, None] - 1.0)
-    left.plot(result.parameter, lifts, "k" + marker, label=f"full membrane, Runge-Kutta, {name}")
+    left.plot(result.parameter, lifts, "k" + marker, label=f"full membrane, integrated, {name}")
     for k, label in enumerate(("full membrane, H = 9", "quasi-linear, H = 9")):
         right.semilogy(result.parameter, errors[:, k], marker, color=f"C{1 - k}", label=f"{label}, {name}")
     if name == "up":
@@ -82,6 +82,6 @@ for branch, colour, name in zip(branches, ("C0", "C0", "C1", "C1"), ("quasi-line
     branch.plot("C_L", ax=left, color=colour, label=name and f"{name} membrane, H = 9", special=False)
 left.set_title("2.5 degrees: resonant, unstable and quiet motion")
 left.legend(frameon=False, fontsize="small")
-right.set(xlabel=r"$\omega c/U$", title="difference from Runge-Kutta, relative")
+right.set(xlabel=r"$\omega c/U$", title="difference from integration, relative")
 right.legend(frameon=False, fontsize="small")
 figure.savefig("direct_integration.png", dpi=110)

@@ -57,6 +57,8 @@ class FirstOrderForm:
 
     Attributes
     ----------
+    is_small : bool
+        Whether a rate is quicker in scalar instructions than with matrices.
     rate : casadi.Function
         (y, tau, packed) -> dy/dtau, with ``packed`` from `pack`.
     acceleration : casadi.Function
@@ -81,7 +83,8 @@ class FirstOrderForm:
         rate = ca.densify(ca.vertcat(v, a, dx)) / p[system.parameters.index("omega")]
         matrices = ca.Function("rate", [y, tau, packed], [rate])
         scalars = matrices.expand()
-        self.rate = scalars if scalars.n_instructions() <= FEW_INSTRUCTIONS else matrices
+        self.is_small = scalars.n_instructions() <= FEW_INSTRUCTIONS
+        self.rate = scalars if self.is_small else matrices
         self.acceleration = ca.Function("acceleration", [y, tau, packed], [ca.densify(a)])
         self.jacobian = ca.Function("jacobian", [y, tau, packed], [ca.densify(ca.jacobian(rate, y))])
         self._kept: Kept[ca.Function] = Kept(8)
@@ -93,9 +96,26 @@ class FirstOrderForm:
         gain = inverse @ np.hstack([-stiffness, -damping, lag_output])
         return np.concatenate([values, gain.ravel(order="F"), inverse.ravel(order="F")])
 
-    def eigenvalues(self, packed: Array, state: Array) -> Array:
-        """Return the eigenvalues, by phase, about rest and about ``state`` at tau = 0 (where they are finite)."""
-        matrices = [self.jacobian(y, 0.0, packed).full() for y in (np.zeros_like(state), state)]
+    def linear_part(self, packed: Array) -> tuple[Array, Array]:
+        """Return L (n_state, n_state) and G (n_state, n + n_inputs) of ``dy/dtau = L y + G (load - f, u'')``."""
+        system, n, size = self.system, self.system.n_dof, self.system.n_state
+        p, gain, inverse = np.split(packed, [len(system.parameters.names), -n * n])
+        of_acceleration = np.vstack([np.zeros((n, n)), np.eye(n), system.lag_input])
+        linear = of_acceleration @ gain.reshape(size, n).T
+        linear[:n, n : 2 * n] = np.eye(n)
+        linear[2 * n :, 2 * n :] += system.lag_state
+        of_motion = np.vstack([np.zeros((2 * n, system.n_inputs)), system.lag_motion])
+        right = np.hstack([of_acceleration @ inverse.reshape(n, n).T, of_motion])
+        omega = p[system.parameters.index("omega")]
+        return linear / omega, right / omega
+
+    def eigenvalues(self, packed: Array, state: Array, *, lags: bool = True) -> Array:
+        """Return the eigenvalues, by phase, about rest and about ``state`` at tau = 0 (where they are finite).
+
+        Without ``lags`` they are those of the displacements and velocities, the lag states held.
+        """
+        count = state.size if lags else 2 * self.system.n_dof
+        matrices = [self.jacobian(y, 0.0, packed).full()[:count, :count] for y in (np.zeros_like(state), state)]
         found = [np.linalg.eigvals(matrix) for matrix in matrices if np.all(np.isfinite(matrix))]
         return np.concatenate(found) if found else np.zeros(1)
 

@@ -27,6 +27,7 @@ from hbnlp.core.records import check_parameters, loaded, save_record
 from hbnlp.core.sending import ReadOnlyArrays
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.integration.cvodes import Adaptive
+from hbnlp.integration.exponential import ExponentialRungeKutta4
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
 from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.tables.table import Table, table_of
@@ -35,7 +36,7 @@ from hbnlp.tables.tabular import Tabular
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_METHODS = {each.__name__: each for each in (RungeKutta4, Adaptive)}
+_METHODS = {each.__name__: each for each in (RungeKutta4, ExponentialRungeKutta4, Adaptive)}
 
 
 @final
@@ -177,7 +178,7 @@ class TimeResponse(ReadOnlyArrays, Tabular):
 
 def _said(method: Method) -> dict[str, Any]:
     """Return a method by its name and options, or by its name alone if it is not the package's."""
-    options = dataclasses.asdict(method) if isinstance(method, RungeKutta4 | Adaptive) else {}
+    options = dataclasses.asdict(method) if isinstance(method, RungeKutta4 | ExponentialRungeKutta4 | Adaptive) else {}
     return {"name": type(method).__name__, **options}
 
 

@@ -17,13 +17,12 @@ from hbnlp.core.renamed import renamed_arguments
 from hbnlp.core.tasks import COMPLETE, UNDER_WAY, Ending, Report, drive
 from hbnlp.core.types import Array
 from hbnlp.fourier import to_complex
+from hbnlp.integration.automatic import METHODS, automatic
 from hbnlp.integration.first_order import FirstOrderForm, Method, Window
 from hbnlp.integration.response import TimeResponse, respond
-from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.systems.lags import lag_states_of_motion, periodic_lag_states
 from hbnlp.systems.system import System
 
-AUTOMATIC = RungeKutta4()
 REST = 1e-6
 """A block of the state smaller than this fraction of the largest it has been is compared with that fraction instead."""
 
@@ -88,7 +87,7 @@ def integrate(
     system: System,
     *,
     at: Mapping[str, float] | None = None,
-    method: Method = AUTOMATIC,
+    method: Method | None = None,
     start: Any = None,
     periods: int = 1,
     max_periods: int = 2000,
@@ -103,8 +102,8 @@ def integrate(
     system : System
     at : mapping of names to values, optional
         Parameter values that differ from the system's own.
-    method : RungeKutta4 or Adaptive
-        The integration method; RungeKutta4() by default.
+    method : RungeKutta4, ExponentialRungeKutta4 or Adaptive, optional
+        The integration method; by default RungeKutta4() up to some sixteen states, ExponentialRungeKutta4() beyond.
     start : array (n_state,), array (n, 2H+1), solution or TimeResponse, optional
         The state (q, q', x) at tau = 0, rest by default; Fourier coefficients of the displacements (harmonics of
         ``omega / periods``), or a solution that has them as ``.coefficients``, stand for the state of their periodic
@@ -144,17 +143,18 @@ def integrate(
     >>> abs(response.harmonics("x")[1])  # doctest: +SKIP
     """
     instance_of("system", system, System, "a System, such as problem.system")
-    instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...)")
+    instance_of("method", method, Method | None, METHODS)
     list_of_callables("callbacks", callbacks)
     flag("throw", throw)
     check_limits(periods, max_periods, periodic_tol)
     values = system.parameters.values(at)
     state = initial_state(system, start, values, periods)
+    form = FirstOrderForm(system)
     settling = Settling(
-        FirstOrderForm(system),
+        form,
         values,
         state,
-        method=method,
+        method=automatic(form) if method is None else method,
         periods=periods,
         max_periods=max_periods,
         periodic_tol=periodic_tol,

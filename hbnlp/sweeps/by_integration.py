@@ -13,9 +13,10 @@ from hbnlp.core.checks import instance_of, list_of_callables, whole_number
 from hbnlp.core.tasks import COMPLETE, INTERRUPTED, STOPPED, Ending, Report, drive
 from hbnlp.core.types import Array, ComplexArray
 from hbnlp.fourier import to_real
+from hbnlp.integration.automatic import METHODS, automatic
 from hbnlp.integration.first_order import FirstOrderForm, Method
 from hbnlp.integration.response import TimeResponse
-from hbnlp.integration.settling import AUTOMATIC, Settling, check_limits, initial_state
+from hbnlp.integration.settling import Settling, check_limits, initial_state
 from hbnlp.sweeps.jumps import UNKNOWN, is_suspicious, relative_change
 from hbnlp.sweeps.records import TimeSweep
 from hbnlp.systems.system import System
@@ -27,7 +28,7 @@ def march(
     values: ArrayLike,
     *,
     at: Mapping[str, float] | None = None,
-    method: Method = AUTOMATIC,
+    method: Method | None = None,
     start: Any = None,
     n_harmonics: int = 5,
     periods: int = 1,
@@ -49,8 +50,8 @@ def march(
         Its values, in the order of marching.
     at : mapping of names to values, optional
         Other parameter values that differ from the system's own.
-    method : RungeKutta4 or Adaptive
-        The integration method; RungeKutta4() by default, which chooses its steps for each value anew.
+    method : RungeKutta4, ExponentialRungeKutta4 or Adaptive, optional
+        The integration method, by default as in `integrate`; steps that are not given are chosen for each value anew.
     start : optional
         Where the first response starts, as in `integrate`.
     n_harmonics : int
@@ -77,7 +78,7 @@ def march(
         For a system, method or callbacks of another kind.
     """
     instance_of("system", system, System, "a System")
-    instance_of("method", method, Method, "RungeKutta4(...) or Adaptive(...), which march a System")
+    instance_of("method", method, Method | None, f"{METHODS}, which march a System")
     list_of_callables("callbacks", callbacks)
     check_limits(periods, max_periods, periodic_tol)
     marched = system.parameters.series(name, values)
@@ -85,6 +86,7 @@ def march(
     point = system.parameters.values(at, but=(name,))
     index = system.parameters.index(name)
     form = FirstOrderForm(system)
+    method = automatic(form) if method is None else method
 
     def respond(value: float, state: Array) -> TimeResponse:
         there = point.copy()

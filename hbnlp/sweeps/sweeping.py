@@ -77,7 +77,7 @@ def sweep(
         In the order of marching: rising for a sweep up, falling for a sweep down.
     at : mapping, optional
         Values of the other parameters.
-    method : Newton, or RungeKutta4 or Adaptive
+    method : Newton, or RungeKutta4, ExponentialRungeKutta4 or Adaptive
         For a balance or a system, respectively.
     start : Solution or array, optional
         Where to begin. For a balance, a solution at a value before the first, or coefficients (n_dof, 2H+1) near that
@@ -122,8 +122,7 @@ def sweep(
     if find_jumps is not None:
         flag("find_jumps", find_jumps)
     if isinstance(subject, System):
-        options |= {"method": method} if method is not None else {}
-        return march(subject, name, values, at=at, start=start, callbacks=callbacks, **options)
+        return march(subject, name, values, at=at, method=method, start=start, callbacks=callbacks, **options)
     instance_of("subject", subject, HarmonicBalance, "a HarmonicBalance or a System")
     if options:
         raise TypeError(

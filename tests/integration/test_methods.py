@@ -5,11 +5,17 @@ import re
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
+import hbnlp
 from hbnlp.core.errors import ConvergenceError
+from hbnlp.integration.automatic import automatic
 from hbnlp.integration.cvodes import Adaptive
+from hbnlp.integration.exponential import ExponentialRungeKutta4
+from hbnlp.integration.first_order import FirstOrderForm
 from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate
+from hbnlp.systems import chain, duffing
 from hbnlp.systems.system import System
 
 
@@ -52,7 +58,86 @@ def test_lag_states_much_faster_than_the_motion_are_no_trouble_for_the_stiff_met
     assert response.harmonics("x")[1] == pytest.approx(exact, rel=1e-6)
 
 
-@pytest.mark.parametrize("method", [RungeKutta4(steps_per_period=2000), Adaptive()])
+def window(method, system, state, omega):
+    form = FirstOrderForm(system)
+    packed = form.pack(system.parameters.values({"omega": omega}))
+    return method.propagator(form, packed, np.asarray(state), 1)(np.asarray(state))
+
+
+def test_the_exponential_scheme_is_exact_for_a_linear_system_under_a_constant_load():
+    # of some steps a period only: x'' + .2 x' + x = 1 + x_l, x_l' = -40 x_l + 3 x''
+    system = System(
+        [[1.0]],
+        [[0.2]],
+        [[1.0]],
+        lag_state=[[-40.0]],
+        lag_input=[[3.0]],
+        lag_output=[[1.0]],
+        forcing=lambda tau, p: [1],
+    )
+    omega, start = 0.7, np.array([0.3, -0.2, 0.5])
+    states = window(ExponentialRungeKutta4(steps_per_period=4), system, start, omega).states
+    # the rates of (x, x', x_l), beside them those of a constant
+    matrix = np.array([[0, 1, 0, 0], [-1, -0.2, 1, 1], [-3, -0.6, -37, 3], [0, 0, 0, 0]])
+    exact = [(expm(matrix * t) @ np.append(start, 1.0))[:3] for t in 2 * np.pi / omega * np.arange(5) / 4]
+    np.testing.assert_allclose(states, exact, atol=1e-13)
+
+
+def test_the_exponential_scheme_is_of_fourth_order_for_a_forced_nonlinear_system():
+    start, omega = [1.3, -0.4], 0.6
+    system = duffing(damping_ratio=0.05, cubic=0.8, force=0.5)
+    exact = window(Adaptive(rtol=1e-13, atol=1e-14, samples_per_period=4), system, start, omega).states[-1]
+    errors = [
+        np.linalg.norm(window(ExponentialRungeKutta4(steps_per_period=n), system, start, omega).states[-1] - exact)
+        for n in (128, 256, 512)
+    ]
+    np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 4.0, atol=0.2)
+
+
+def test_the_exponential_schemes_steps_do_not_hang_on_the_lag_states():
+    slow, fast = (
+        oscillator(0.1, 1.0, lag_state=[[-rate]], lag_input=[[rate]], lag_output=[[0.1]]) for rate in (1.0, 1e5)
+    )
+    steps = [len(window(ExponentialRungeKutta4(), each, np.zeros(3), 1.1).states) - 1 for each in (slow, fast)]
+    assert steps[0] == steps[1] == 256
+    s = 1.1j
+    exact = 1.0 / (s**2 + 0.1 * s + 1.0 - 0.1 * s**2 * 1e5 / (s + 1e5))
+    response = integrate(fast, at={"omega": 1.1}, method=ExponentialRungeKutta4(), periodic_tol=1e-9)
+    assert response.harmonics("x")[1] == pytest.approx(exact, rel=1e-7)
+    # |h s| <= 0.75 of the oscillator's frequency, 1
+    steps = len(window(ExponentialRungeKutta4(), fast, np.zeros(3), 0.01).states) - 1
+    assert steps == np.ceil(2 * np.pi / 0.01 / 0.75)
+
+
+@pytest.mark.parametrize("membrane", [hbnlp.QuasiLinearMembrane, hbnlp.NonlinearMembrane])
+def test_the_exponential_scheme_integrates_the_wing_as_the_classical_one(membrane):
+    wing = hbnlp.membrane_wing(
+        membrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10), hbnlp.aero.flat_plate_re100(n_modes=10)
+    )
+    options = {"at": {"omega": 4.0, "pitch_amplitude": 0.05}, "throw": False}
+    start = integrate(wing, max_periods=5, **options)
+    assert start.method == ExponentialRungeKutta4()
+    classical, *exponential = (
+        integrate(wing, method=method, start=start, max_periods=1, **options).state
+        for method in (
+            RungeKutta4(steps_per_period=2560),
+            ExponentialRungeKutta4(),
+            ExponentialRungeKutta4(steps_per_period=512),
+        )
+    )
+    coarse, fine = (np.linalg.norm(state - classical) / np.linalg.norm(classical) for state in exponential)
+    assert coarse < 1e-5
+    assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.5)
+
+
+def test_small_systems_are_integrated_by_the_classical_scheme_and_large_ones_by_the_exponential():
+    assert automatic(FirstOrderForm(duffing())) == RungeKutta4()
+    assert automatic(FirstOrderForm(chain(10))) == ExponentialRungeKutta4()
+
+
+@pytest.mark.parametrize(
+    "method", [RungeKutta4(steps_per_period=2000), ExponentialRungeKutta4(steps_per_period=2000), Adaptive()]
+)
 def test_a_diverging_response_names_the_time_at_which_it_does(method):
     options = {"at": {"omega": 1.0}, "method": method, "start": [1.0, 1.0]}
     with pytest.raises(ConvergenceError, match=r"stopped at t = (0.9[89]|1.0)\d*, in period 1"):
@@ -84,6 +169,7 @@ def test_the_stability_limit_is_that_of_the_scheme():
     [
         lambda: RungeKutta4(steps_per_period=0),
         lambda: RungeKutta4(steps_per_period=10.5),
+        lambda: ExponentialRungeKutta4(steps_per_period=0),
         lambda: Adaptive(rtol=0.0),
         lambda: Adaptive(atol=np.nan),
         lambda: Adaptive(samples_per_period=0),

@@ -9,12 +9,18 @@ from hbnlp.core.callbacks import Autosave, StopTracing
 from hbnlp.core.errors import ConvergenceError, SaveError
 from hbnlp.core.storage import load_arrays
 from hbnlp.integration.cvodes import Adaptive
+from hbnlp.integration.exponential import ExponentialRungeKutta4
 from hbnlp.integration.response import TimeResponse
 from hbnlp.integration.runge_kutta import RungeKutta4
 from hbnlp.integration.settling import integrate
 from hbnlp.systems import duffing
 
-METHODS = [RungeKutta4(), RungeKutta4(steps_per_period=128), Adaptive(rtol=1e-8, samples_per_period=32)]
+METHODS = [
+    RungeKutta4(),
+    RungeKutta4(steps_per_period=128),
+    ExponentialRungeKutta4(steps_per_period=128),
+    Adaptive(rtol=1e-8, samples_per_period=32),
+]
 
 
 @pytest.mark.parametrize("method", METHODS, ids=str)
@@ -62,7 +68,9 @@ def test_a_method_that_is_not_the_packages_is_refused_before_there_is_a_file(tmp
             return RungeKutta4().propagator(*arguments)
 
     response = integrate(duffing(), at={"omega": 0.7}, method=Mine(), periodic_tol=1e-2)
-    with pytest.raises(SaveError, match=r"could not write .*its method is 'Mine'; one of RungeKutta4, Adaptive"):
+    with pytest.raises(
+        SaveError, match=r"could not write .*its method is 'Mine'; one of RungeKutta4, ExponentialRungeKutta4, Adaptive"
+    ):
         response.save(tmp_path / "response.npz")
     assert list(tmp_path.iterdir()) == []
 

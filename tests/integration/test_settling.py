@@ -232,7 +232,7 @@ def test_a_response_that_does_not_settle_is_an_error_that_carries_it():
         ({"periods": 0}, ValueError, "periods is 0"),
         ({"periods": 3, "max_periods": 2}, ValueError, "max_periods is 2; .* at least 3"),
         ({"periodic_tol": 0.0}, ValueError, "periodic_tol is 0.0"),
-        ({"method": "rk4"}, TypeError, r"method is 'rk4'; give RungeKutta4\(...\) or Adaptive"),
+        ({"method": "rk4"}, TypeError, r"method is 'rk4'; give RungeKutta4\(...\), Exponential.* or Adaptive"),
         ({"method": RungeKutta4}, TypeError, r"method is <class .*; give RungeKutta4\(...\)"),
         ({"callbacks": print}, TypeError, r"callbacks is .*; give a list of callables"),
     ],
