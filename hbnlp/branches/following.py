@@ -234,9 +234,11 @@ def _both_ways(
         for before, after in _while_sampled(side, walk):
             if walk.n_points == len(side.folds):
                 side.folds.pop()  # the step to it was made again, with more harmonics
+            last = _at_limit(walk.curve, before, after, spans[0], options.newton)
+            after = last or after  # noqa: PLW2901 - the step is cut
             event = _event(walk.curve, before, after, options.newton) if of_folds else None
             side.folds.append(_followed(walk.curve, after, event, resolution))
-            if not spans[0][0] < walk.curve.unknowns.scalars(after.y)[0] < spans[0][1]:
+            if last is not None:
                 side.end = FIRST_SPAN
             elif walk.stop is not None:
                 side.end = _words(walk.stop)
@@ -253,6 +255,21 @@ def _both_ways(
         if walk.stop is Stop.CLOSED:
             back.end = side.end
             return
+
+
+def _at_limit(
+    curve: Equations, before: Point, after: Point, limits: tuple[float, float], newton: Newton
+) -> Point | None:
+    """Return where a step comes to a limit of the first parameter, or its end if that is not found; None: nowhere."""
+    first = float(curve.unknowns.scalars(after.y)[0])
+    if limits[0] < first < limits[1]:
+        return None
+    limit = limits[0] if first <= limits[0] else limits[1]
+
+    def beyond(point: Point) -> float:
+        return float(curve.unknowns.scalars(point.y)[0]) - limit
+
+    return locate(curve, before, after, beyond, newton) or after
 
 
 def _followed(curve: Equations, point: Point, event: FoldCurvePoint | None, resolution: Resolution | None) -> _Followed:

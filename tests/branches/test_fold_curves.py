@@ -237,7 +237,9 @@ def test_the_curve_ends_on_the_spans_it_is_given(problem, fold):
     assert {curve.second[0], curve.second[-1]} == {0.15, 0.3}
     assert curve.ends == ("end of the second span", "end of the second span")
     narrow = follow(fold, "force", limits=(1.2, 1.3))
-    assert "end of the first span" in narrow.ends
+    assert narrow.ends == ("end of the first span", "end of the first span")
+    check_fold_curve(problem, narrow)
+    np.testing.assert_allclose(sorted(narrow.first[[0, -1]]), [1.2, 1.3], rtol=1e-12)
     assert np.all((narrow.first[1:-1] > 1.2) & (narrow.first[1:-1] < 1.3))
 
 
