@@ -166,10 +166,10 @@ def relative_residual(curve: Curve, y: Array, *, least: float = 0.0) -> float:
 
 
 def null_vector(matrix: Array) -> Array:
-    """Return the unit vector that a matrix (m, n), m <= n, shrinks most: its null vector where it has one.
+    """Return a unit vector that a matrix (m, n), m <= n, takes to zero or, where there is none, nearly shrinks most.
 
     By Householder's reflections of the transpose, with pivoting: the last one's vector is at right angles to all rows,
-    or to all but the one that depends on the others most nearly. A fifth of the time of the singular values.
+    or to all but one that depends on the others. A fifth of the time of the singular values.
     """
     size = matrix.shape[1]
     square, last = np.zeros((size, size)), np.zeros(size)

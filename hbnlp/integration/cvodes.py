@@ -70,7 +70,7 @@ class Adaptive:
                     reason += "; or a casadi.Callback raised an error, which stands in what CasADi wrote to stderr"
                 return Window(start[None], step, float(integrator.stats().get("tcur", 0.0)), reason)
             states = np.vstack([start, sizes * scaled])
-            sizes = _of_blocks(form, states)
+            sizes = form.sizes(states)
             return Window(states, step)
 
         return run
@@ -102,13 +102,4 @@ def _expected_sizes(form: FirstOrderForm, packed: Array, state: Array) -> Array:
     # dq/dtau is of the size of q, and so is dv/dtau over omega
     omega = packed[form.system.parameters.index("omega")]
     driven = np.hstack([rates[:, n : 2 * n] / omega, rates[:, n:]])
-    return _of_blocks(form, np.vstack([state, rates, driven]))
-
-
-def _of_blocks(form: FirstOrderForm, states: Array) -> Array:
-    """Return the largest displacement, velocity and lag state of states (count, n_state), for each of their entries."""
-    n = form.system.n_dof
-    sizes, largest = np.ones(form.system.n_state), np.abs(states).max(axis=0)
-    for block in (slice(0, n), slice(n, 2 * n), slice(2 * n, None)):
-        sizes[block] = largest[block].max(initial=0.0) or 1.0
-    return sizes
+    return form.sizes(np.vstack([state, rates, driven]))

@@ -8,7 +8,7 @@ N is interpolated between the stages of a step, the integrals are those of the f
 
     phi_k(z) = integral_0^1 e^{(1-s) z} s^{k-1} / (k-1)! ds,     phi_1(z) = (e^z - 1) / z
 
-so that a lag state, however fast it decays, asks for no short steps. Each stage is linear in the state and the N of the
+so that a lag state that decays fast asks for no short steps. Each stage is linear in the state and the N of the
 stages before it: one matrix, formed once per parameter point, times what is known so far.
 """
 
@@ -28,10 +28,18 @@ from hbnlp.core.types import Array
 from hbnlp.integration.first_order import FirstOrderForm, Propagator, Window
 
 RESOLVED = 0.75
-"""|h s| of the fastest eigenvalue of the structure, its lag states held, where the steps are chosen. Measured on the
-paper's wing: with up to 2.2, at its largest tension, the scheme holds; from 2.6 on it may not."""
+"""|h s| of the fastest eigenvalue of the structure, its lag states held, with which the choice of steps begins.
+Measured on the paper's wing: with up to 2.2, at its largest tension, the scheme holds; from 2.6 on it may not."""
 FEWEST_STEPS = 256
-"""Steps a period that are chosen at least: 1e-8 to 2e-6 of the wing's state a period."""
+"""Steps a period with which it begins at least."""
+ACCURATE = 1e-5
+"""Error of the state over a window, relative to its size, from which on chosen steps are halved."""
+MOST_HALVINGS = 4
+ORDER = 4
+CHUNK = 256
+"""Steps after which the state is looked at."""
+SAME_PLACE = 0.01
+"""Relative: a state that ceases to be finite so near one place with steps of either length does so by itself."""
 MIDDLE, END = 0.5, 1.0
 
 
@@ -41,18 +49,24 @@ class ExponentialRungeKutta4:
     """The exponential Runge-Kutta scheme of Krogstad, of fourth order, with fixed steps.
 
     Exact for linear systems under a constant load. For systems with lag states that decay much faster than the
-    structure moves: the steps of `RungeKutta4` are bound by the fastest of them, these by the force alone.
+    structure moves: the fastest of them binds the steps of `RungeKutta4`, the structure and the force alone bind these.
 
     Parameters
     ----------
     steps_per_period : int, optional
-        Steps in one period of the forcing. By default as many as keep ``|h s| <= 0.75`` for every eigenvalue of the
-        structure (its lag states held; linearised about rest and about the initial state), and at least 256.
+        Steps in one period of the forcing. By default they are chosen: at least 256, and as many as keep ``|h s| <=
+        0.75`` for every eigenvalue of the structure (its lag states held; of the linear part, and linearised about rest
+        and the initial state). In the first, second, fourth, ... window they are looked at, by half as many: where the
+        state's error is above 1e-5 of its size they are doubled, up to four times; ``message`` says so where that does
+        not do.
 
     Notes
     -----
-    The error of a signal falls as the fourth power of the step. Too long a step for a force that stiffens shows as a
-    state that is not finite. As for `RungeKutta4`, corners of the force lower the order.
+    The error of a signal falls as the fourth power of the step, where lag states are much faster than that, and the
+    force drives them, as some power between 1.5 and 3 (from a small one: 1e-7 with 256 steps). Too long a step for a
+    force that stiffens, or that cancels the linear stiffness, shows in a state that is not finite, or in one that hangs
+    on the steps. As for `RungeKutta4`, corners of the force lower the order. Lag states may decay up to some 1e8 times
+    as fast as the load varies before rounding shows.
 
     References
     ----------
@@ -70,11 +84,69 @@ class ExponentialRungeKutta4:
 
     def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
         """Return the scheme at one parameter point; steps that are not given are chosen for it and ``state``."""
-        steps = self.steps_per_period
-        if steps is None:
-            fastest = 2.0 * np.pi * float(np.abs(form.eigenvalues(packed, state, lags=False)).max())
-            steps = max(FEWEST_STEPS, int(np.ceil(fastest / RESOLVED)))
-        return _FixedSteps(form, packed, int(steps), periods)
+        if self.steps_per_period is not None:
+            return _FixedSteps(form, packed, int(self.steps_per_period), periods)
+        return _ChosenSteps(form, packed, first_steps(form, packed, state), periods)
+
+
+def first_steps(form: FirstOrderForm, packed: Array, state: Array) -> int:
+    """Return the steps a period, an even number, with which their choice begins."""
+    moving = 2 * form.system.n_dof
+    linear, _ = form.linear_part(packed)
+    found = (np.linalg.eigvals(linear[:moving, :moving]), form.eigenvalues(packed, state, lags=False))
+    fastest = 2.0 * np.pi * max(float(np.abs(each).max()) for each in found)
+    return max(FEWEST_STEPS, 2 * int(np.ceil(fastest / RESOLVED / 2.0)))
+
+
+class _ChosenSteps:
+    """As many steps as are accurate, looked at in the first, second, fourth, ... window."""
+
+    def __init__(self, form: FirstOrderForm, packed: Array, fewest: int, periods: int) -> None:
+        self._form, self._packed, self._periods = form, packed, periods
+        self._fewest = self._steps = fewest
+        self._made: dict[int, _FixedSteps] = {}
+        self._windows = 0
+        self._left = ""
+
+    def __call__(self, state: Array) -> Window:
+        self._windows += 1
+        if self._windows & (self._windows - 1):  # no power of two
+            return self._window(self._steps, state)._replace(remark=self._left)
+        return self._looked_at(state)
+
+    def _looked_at(self, state: Array) -> Window:
+        """Return a window of steps that are accurate, as far as that is found."""
+        coarse, self._left = self._window(self._steps // 2, state), ""
+        while True:
+            window = self._window(self._steps, state)
+            error = self._apart(coarse, window) / (2.0**ORDER - 1.0)
+            if error <= ACCURATE:
+                if 2.0**ORDER * error <= ACCURATE and self._steps // 2 >= self._fewest:
+                    self._steps //= 2
+                return window
+            if self._steps >= 2**MOST_HALVINGS * self._fewest or _ends_alike(coarse, window):
+                self._left = f"; {self._steps} steps a period leave an estimated error of {error:.1e} of the state"
+                return window if window.failed_at is not None else window._replace(remark=self._left)
+            coarse, self._steps = window, 2 * self._steps
+
+    def _window(self, steps: int, state: Array) -> Window:
+        if steps not in self._made:
+            self._made[steps] = _FixedSteps(self._form, self._packed, steps, self._periods)
+        return self._made[steps](state)
+
+    def _apart(self, one: Window, other: Window) -> float:
+        """Return the largest difference of the states at the end, relative to the size of their kind."""
+        if one.failed_at is not None or other.failed_at is not None:
+            return np.inf
+        sizes = self._form.sizes(np.vstack([one.states, other.states]))
+        return float((np.abs(one.states[-1] - other.states[-1]) / sizes).max())
+
+
+def _ends_alike(one: Window, other: Window) -> bool:
+    """Return whether two windows break off at about the same place: the system diverges, however short the steps."""
+    if one.failed_at is None or other.failed_at is None:
+        return False
+    return abs(one.failed_at - other.failed_at) <= SAME_PLACE * other.failed_at
 
 
 class _FixedSteps:
@@ -111,19 +183,21 @@ class _FixedSteps:
         states = np.empty((self._n_steps + 1, state.size))
         states[0] = self._state[:] = state
         step, tau, stage, dot = self._step, self._tau, self._stage, np.dot
-        with np.errstate(invalid="ignore", over="ignore"):
-            for i in range(self._n_steps):
-                tau[0] = i * step
-                self._begin()
-                for matrix, known, place, evaluate in self._stages:
-                    dot(matrix, known, out=stage)
-                    tau[0] = (i + place) * step
-                    evaluate()
-                self._state[:] = dot(self._last, self._known, out=states[i + 1])
-        if not np.all(np.isfinite(states[-1])):  # what is not finite stays so
-            good = int(np.argmin(np.isfinite(states).all(axis=1)))
-            return Window(states[:good], self._step, good * self._step, self._too_long)
-        return Window(states, self._step)
+        for first in range(0, self._n_steps, CHUNK):
+            last = min(first + CHUNK, self._n_steps)
+            with np.errstate(invalid="ignore", over="ignore"):
+                for i in range(first, last):
+                    tau[0] = i * step
+                    self._begin()
+                    for matrix, known, place, evaluate in self._stages:
+                        dot(matrix, known, out=stage)
+                        tau[0] = (i + place) * step
+                        evaluate()
+                    self._state[:] = dot(self._last, self._known, out=states[i + 1])
+            if not np.isfinite(states[last]).all():  # what is not finite stays so
+                good = first + 1 + int(np.argmin(np.isfinite(states[first + 1 : last + 1]).all(axis=1)))
+                return Window(states[:good], step, good * step, self._too_long)
+        return Window(states, step)
 
 
 def _driven(form: FirstOrderForm) -> ca.Function:
@@ -162,9 +236,11 @@ def _phi_products(exponent: Array, right: Array) -> tuple[Array, list[Array]]:
     488-511, theorem 2.1, doi:10.1137/100788860.
     """
     n, k = right.shape
+    sizes = np.abs(right).max(axis=0, initial=0.0)
+    sizes[sizes == 0.0] = 1.0  # in whatever units: the larger matrix is to be no larger than Z for them
     larger = np.zeros((n + 3 * k, n + 3 * k))
-    larger[:n, : n + k] = np.hstack([exponent, right])
+    larger[:n, : n + k] = np.hstack([exponent, right / sizes])
     larger[n : n + 2 * k, n + k :] = np.eye(2 * k)
     exponential: Array = expm(larger)[:n]
-    products = [exponential[:, n + i * k : n + (i + 1) * k] for i in range(3)]
+    products = [exponential[:, n + i * k : n + (i + 1) * k] * sizes for i in range(3)]
     return exponential[:, :n], products

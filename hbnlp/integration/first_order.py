@@ -29,13 +29,14 @@ class Window(NamedTuple):
     """What an integrator made of one window (one or more periods of the forcing).
 
     ``states`` is (n_steps + 1, n_state) from the window's beginning to its end, or fewer rows where it broke off; then
-    ``failed_at`` is the phase tau where it did, and ``reason`` says why.
+    ``failed_at`` is the phase tau where it did, and ``reason`` says why. A ``remark`` becomes part of the message.
     """
 
     states: Array
     step: float
     failed_at: float | None = None
     reason: str = ""
+    remark: str = ""
 
 
 Propagator = Callable[[Array], Window]
@@ -118,6 +119,14 @@ class FirstOrderForm:
         matrices = [self.jacobian(y, 0.0, packed).full()[:count, :count] for y in (np.zeros_like(state), state)]
         found = [np.linalg.eigvals(matrix) for matrix in matrices if np.all(np.isfinite(matrix))]
         return np.concatenate(found) if found else np.zeros(1)
+
+    def sizes(self, states: Array) -> Array:
+        """Return the largest displacement, velocity or lag state of states (count, n_state) for each entry; 1 for 0."""
+        n = self.system.n_dof
+        sizes, largest = np.ones(self.system.n_state), np.abs(states).max(axis=0)
+        for block in (slice(0, n), slice(n, 2 * n), slice(2 * n, None)):
+            sizes[block] = largest[block].max(initial=0.0) or 1.0
+        return sizes
 
     def compiled(self, key: Hashable, build: Callable[[], ca.Function]) -> ca.Function:
         """Return what ``build`` returned when it was first asked for under this key."""

@@ -64,11 +64,16 @@ class RungeKutta4:
         eigenvalues = form.eigenvalues(packed, state)
         steps = self.steps_per_period
         if steps is None:
-            fastest = 2.0 * np.pi * float(np.abs(eigenvalues).max())
-            steps = CHUNK * int(np.ceil(max(FEWEST_STEPS, fastest / RESOLVED) / CHUNK))
+            steps = chosen_steps(eigenvalues)
         else:
             _check_stability(int(steps), eigenvalues)
         return _FixedSteps(form, packed, int(steps), periods)
+
+
+def chosen_steps(eigenvalues: Array) -> int:
+    """Return the steps a period that resolve these eigenvalues, by phase: a multiple of `CHUNK`."""
+    fastest = 2.0 * np.pi * float(np.abs(eigenvalues).max())
+    return CHUNK * int(np.ceil(max(FEWEST_STEPS, fastest / RESOLVED) / CHUNK))
 
 
 def _check_stability(steps: int, eigenvalues: Array) -> None:

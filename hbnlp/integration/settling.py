@@ -103,7 +103,8 @@ def integrate(
     at : mapping of names to values, optional
         Parameter values that differ from the system's own.
     method : RungeKutta4, ExponentialRungeKutta4 or Adaptive, optional
-        The integration method; by default RungeKutta4() up to some sixteen states, ExponentialRungeKutta4() beyond.
+        The integration method; by default RungeKutta4() up to some sixteen states, ExponentialRungeKutta4() beyond, and
+        where lag states decay ten times as fast as the structure moves.
     start : array (n_state,), array (n, 2H+1), solution or TimeResponse, optional
         The state (q, q', x) at tau = 0, rest by default; Fourier coefficients of the displacements (harmonics of
         ``omega / periods``), or a solution that has them as ``.coefficients``, stand for the state of their periodic
@@ -154,7 +155,7 @@ def integrate(
         form,
         values,
         state,
-        method=automatic(form) if method is None else method,
+        method=automatic(form, values, state) if method is None else method,
         periods=periods,
         max_periods=max_periods,
         periodic_tol=periodic_tol,

@@ -86,19 +86,20 @@ def march(
     point = system.parameters.values(at, but=(name,))
     index = system.parameters.index(name)
     form = FirstOrderForm(system)
-    method = automatic(form) if method is None else method
 
     def respond(value: float, state: Array) -> TimeResponse:
         there = point.copy()
         there[index] = value
         settling = Settling(
-            form, there, state, method=method, periods=periods, max_periods=max_periods, periodic_tol=periodic_tol
+            form, there, state, method=chosen, periods=periods, max_periods=max_periods, periodic_tol=periodic_tol
         )
         for _ in settling.windows():
             pass
         return settling.response()
 
-    state = initial_state(system, start, np.where(np.arange(point.size) == index, marched[0], point), periods)
+    first = np.where(np.arange(point.size) == index, marched[0], point)
+    state = initial_state(system, start, first, periods)
+    chosen = automatic(form, first, state) if method is None else method
     points: list[_Point] = []
     parameters = system.parameters.as_dict(point)
     del parameters[name]
@@ -119,7 +120,7 @@ def march(
             parameters=parameters,
             n_harmonics=n_harmonics,
             periods=int(periods),
-            method=repr(method),
+            method=repr(chosen),
             complete=whole,
             message=broken[0] if broken else message,
         )

@@ -157,8 +157,8 @@ class Terms:
         direct, drive = (np.fft.rfft(e, axis=1) / N_PHASES for e in (load, lag_load))
         passed_on = np.zeros_like(direct)
         state = self._source._lag_state
-        sizes = np.abs(drive).max(axis=0, initial=0.0)
-        present = np.flatnonzero(sizes > ROUNDING * sizes.max(initial=0.0))
+        sizes = np.abs(drive)
+        present = np.flatnonzero((sizes > ROUNDING * sizes.max(axis=1, keepdims=True, initial=0.0)).any(axis=0))
         present = present[present > 0]  # accelerations of a periodic motion have no mean
         if state.size and present.size:
             s = 1j * self._values[self._source._omega] * present

@@ -130,9 +130,102 @@ def test_the_exponential_scheme_integrates_the_wing_as_the_classical_one(membran
     assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.5)
 
 
-def test_small_systems_are_integrated_by_the_classical_scheme_and_large_ones_by_the_exponential():
-    assert automatic(FirstOrderForm(duffing())) == RungeKutta4()
-    assert automatic(FirstOrderForm(chain(10))) == ExponentialRungeKutta4()
+def chosen(system, omega=1.0):
+    return automatic(FirstOrderForm(system), system.parameters.values({"omega": omega}), np.zeros(system.n_state))
+
+
+def test_large_systems_and_fast_lag_states_get_the_exponential_scheme():
+    assert chosen(duffing()) == RungeKutta4()
+    assert chosen(chain(10)) == ExponentialRungeKutta4()
+    lags = {"lag_input": [[1.0]], "lag_output": [[0.1]]}
+    assert chosen(oscillator(0.1, 1.0, lag_state=[[-5.0]], **lags)) == RungeKutta4()
+    assert chosen(oscillator(0.1, 1.0, lag_state=[[-5e4]], **lags)) == ExponentialRungeKutta4()
+
+
+@pytest.mark.parametrize("stiffness", [70.0, 1000.0])
+def test_a_force_that_cancels_the_stiffness_has_the_steps_that_it_needs(stiffness):
+    # whatever the two stiffnesses, the motion is that of x'' + .2 x' + x^3 = .3 cos tau
+    def system(k, n):
+        return System(
+            np.eye(n),
+            0.2 * np.eye(n),
+            k * np.eye(n),
+            nonlinear_force=lambda q, v, tau, p: -k * q + q**3,
+            forcing=lambda tau, p: [0.3 * ca.cos(tau)] * n,
+        )
+
+    options = {"at": {"omega": 0.1}, "max_periods": 50, "periodic_tol": 1e-7}
+    wanted = integrate(system(0.0, 1), method=Adaptive(), **options).harmonics("x")[1]
+    response = integrate(system(stiffness, 9), **options)
+    assert response.method == ExponentialRungeKutta4()
+    assert response.harmonics("x1")[1] == pytest.approx(wanted, rel=1e-5)
+
+
+def test_lag_states_that_take_mass_away_have_the_steps_that_they_need():
+    # x'' - .9 x'' of them: the structure moves three times as fast as its lag states held
+    n = 9
+    system = System(
+        np.eye(n),
+        0.05 * np.eye(n),
+        np.eye(n),
+        lag_state=-300.0 * np.eye(n),
+        lag_input=300.0 * np.eye(n),
+        lag_output=0.9 * np.eye(n),
+        nonlinear_force=lambda q, v, tau, p: q**3 + 0.2 * v**3,
+        forcing=lambda tau, p: [2.0 * ca.cos(tau + i) for i in range(n)],
+    )
+    start = np.concatenate([np.zeros(n), np.ones(n), np.zeros(n)])
+    options = {"at": {"omega": 0.1}, "start": start, "max_periods": 1, "throw": False}
+    exact, found = integrate(system, method=Adaptive(), **options), integrate(system, **options)
+    assert len(found.t) > 256
+    assert np.linalg.norm(found.state - exact.state) < 1e-4 * np.linalg.norm(exact.state)
+
+
+def test_steps_that_do_not_do_are_said():
+    # chaotic: no steps give the state after fifty periods in one window
+    system = System(
+        [[1.0]],
+        [[0.3]],
+        [[-1.0]],
+        nonlinear_force=lambda q, v, tau, p: [q[0] ** 3],
+        forcing=lambda tau, p: [0.5 * ca.cos(tau)],
+    )
+    options = {"at": {"omega": 1.2}, "start": [0.1, 0.0], "periods": 50, "max_periods": 50, "throw": False}
+    response = integrate(system, method=ExponentialRungeKutta4(), **options)
+    assert len(response.t) == 50 * 256 * 2**4
+    assert re.search(r"; 4096 steps a period leave an estimated error of \S+ of the state$", response.message)
+
+
+def test_steps_that_are_not_needed_any_more_are_given_up():
+    # of the tension of the beginning, a hundred times that of the motion to which it decays
+    method, system = ExponentialRungeKutta4(), duffing(damping_ratio=0.2, cubic=1.0, force=0.1)
+    form = FirstOrderForm(system)
+    run = method.propagator(form, form.pack(system.parameters.values({"omega": 1.0})), np.zeros(2), 1)
+    state, steps = np.array([30.0, 0.0]), []
+    for _ in range(16):
+        window = run(state)
+        state = window.states[-1]
+        steps.append(len(window.states) - 1)
+    assert steps[0] > 256
+    assert steps[-1] == 256
+
+
+@pytest.mark.parametrize("unit", [1e-24, 1e12])
+def test_the_exponential_scheme_is_the_same_in_all_units(unit):
+    def state(c):
+        system = System(
+            [[c]],
+            [[0.1 * c]],
+            [[c]],
+            lag_state=[[-5.0]],
+            lag_input=[[1.0]],
+            lag_output=[[0.1 * c]],
+            nonlinear_force=lambda q, v, tau, p: [0.3 * c * q[0] ** 3],
+            forcing=lambda tau, p: [0.3 * c * ca.cos(tau)],
+        )
+        return window(ExponentialRungeKutta4(steps_per_period=256), system, [1.0, 0.0, 0.0], 1.1).states[-1]
+
+    np.testing.assert_allclose(state(unit), state(1.0), rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -193,6 +193,23 @@ def test_lag_states_are_judged_by_what_they_do_not_by_their_realisation():
         damped(out * [[1.0], [1.001]])
 
 
+def test_what_lag_states_pass_on_is_seen_whatever_their_units():
+    # driven by the second harmonic through a lag state of a unit thirteen orders smaller
+    system = System(
+        [[1.0]],
+        [[0.1]],
+        [[1.0]],
+        lag_state=-np.eye(2),
+        lag_input=np.zeros((2, 1)),
+        lag_motion=np.diag([1e6, 1e-7]),
+        lag_output=[[1e-6, 1e7]],
+        motion=lambda tau, p: [ca.cos(tau), ca.cos(2 * tau)],
+        nonlinear_force=lambda q, v, tau, p: [q[0] ** 3],
+        parameters={"omega": 1.0},
+    )
+    assert system.symmetries_at() == ()
+
+
 def test_lag_states_pass_on_what_moves():
     """Two parts on a shaken support, the second with a lag in what it feels of it."""
 
