@@ -218,6 +218,11 @@ class Settling:
                 break
         self.over = True
 
+    @property
+    def remark(self) -> str:
+        """What the method says of the last window."""
+        return self._window.remark
+
     def response(self, ending: Ending = COMPLETE) -> TimeResponse:
         """Return what there is."""
         found = respond(

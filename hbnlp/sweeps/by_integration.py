@@ -86,6 +86,7 @@ def march(
     point = system.parameters.values(at, but=(name,))
     index = system.parameters.index(name)
     form = FirstOrderForm(system)
+    remarks: dict[float, str] = {}
 
     def respond(value: float, state: Array) -> TimeResponse:
         there = point.copy()
@@ -95,6 +96,8 @@ def march(
         )
         for _ in settling.windows():
             pass
+        if settling.remark:
+            remarks[value] = settling.remark
         return settling.response()
 
     first = np.where(np.arange(point.size) == index, marched[0], point)
@@ -111,6 +114,9 @@ def march(
         message = (
             f"all {marched.size} values reached" if whole else ending.after(f"{len(points)} of {marched.size} values")
         )
+        if remarks:
+            last = next(reversed(remarks))
+            message += f"; at {len(remarks)} of them, the last at {name} = {last:g}{remarks[last].replace(';', ':')}"
         if points and ending in (INTERRUPTED, STOPPED):
             message += "; go on from start=sweep.states[-1]"
         return _time_sweep(

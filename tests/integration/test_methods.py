@@ -193,7 +193,11 @@ def test_steps_that_do_not_do_are_said():
     options = {"at": {"omega": 1.2}, "start": [0.1, 0.0], "periods": 50, "max_periods": 50, "throw": False}
     response = integrate(system, method=ExponentialRungeKutta4(), **options)
     assert len(response.t) == 50 * 256 * 2**4
-    assert re.search(r"; 4096 steps a period leave an estimated error of \S+ of the state$", response.message)
+    said = r"4096 steps a period leave an estimated error of \S+ of the state$"
+    assert re.search("; " + said, response.message)
+    options = {"start": [0.1, 0.0], "periods": 50, "max_periods": 50, "method": ExponentialRungeKutta4()}
+    marched = hbnlp.sweep(system, "omega", [1.2], **options)
+    assert re.search("all 1 values reached; at 1 of them, the last at omega = 1.2: " + said, marched.message)
 
 
 def test_steps_that_are_not_needed_any_more_are_given_up():
