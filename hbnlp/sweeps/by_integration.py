@@ -110,15 +110,6 @@ def march(
     broken: list[str] = []
 
     def result(ending: Ending) -> TimeSweep:
-        whole = ending is COMPLETE and not broken
-        message = (
-            f"all {marched.size} values reached" if whole else ending.after(f"{len(points)} of {marched.size} values")
-        )
-        if remarks:
-            last = next(reversed(remarks))
-            message += f"; at {len(remarks)} of them, the last at {name} = {last:g}{remarks[last].replace(';', ':')}"
-        if points and ending in (INTERRUPTED, STOPPED):
-            message += "; go on from start=sweep.states[-1]"
         return _time_sweep(
             points,
             system,
@@ -127,8 +118,8 @@ def march(
             n_harmonics=n_harmonics,
             periods=int(periods),
             method=repr(chosen),
-            complete=whole,
-            message=broken[0] if broken else message,
+            complete=ending is COMPLETE and not broken,
+            message=broken[0] if broken else _message(ending, len(points), marched.size) + _said_of(name, remarks),
         )
 
     def work() -> Iterator[Report]:
@@ -153,6 +144,22 @@ def march(
 
     task = f"integrating along {name}"
     return drive(task, work(), result, name=name, callbacks=callbacks, warn_of=system.warn_of)
+
+
+def _message(ending: Ending, n_points: int, n_values: int) -> str:
+    """Return how a sweep ended, and what to do about it."""
+    if ending is COMPLETE:
+        return f"all {n_values} values reached"
+    advice = "; go on from start=sweep.states[-1]" if n_points and ending in (INTERRUPTED, STOPPED) else ""
+    return ending.after(f"{n_points} of {n_values} values") + advice
+
+
+def _said_of(name: str, remarks: Mapping[float, str]) -> str:
+    """Return what the method said of the last of the values at which it had something to say."""
+    if not remarks:
+        return ""
+    last, remark = list(remarks.items())[-1]
+    return f"; at {len(remarks)} of them, the last at {name} = {last:g}{remark.replace(';', ':')}"
 
 
 def _time_sweep(

@@ -189,15 +189,22 @@ def test_one_unstable_branch_closes_on_both_subcritical_branch_points():
     assert low < shared["omega"].min() < shared["omega"].max() < high
 
 
-def test_marches_at_twenty_amplitudes_agree_at_the_papers_with_those_to_a_finer_tolerance():
-    legs = stored("amplitudes")
+@pytest.mark.parametrize(("highest", "ups", "downs"), [(20, 1, 1), (60, 2, 1)])
+def test_marches_at_twenty_amplitudes_agree_at_the_papers_with_those_to_a_finer_tolerance(highest, ups, downs):
+    legs = stored(f"amplitudes_{highest}")
     assert len(np.unique(legs["degrees"])) == 20
     mine = legs[legs["degrees"] == 2.5]
-    for way in ("up", "down"):
-        (fall,) = mine[(mine["way"] == way) & np.isfinite(mine["falls_at"])]
-        assert fall["at"] == "fold"
-        finer = ends("quasi_linear")
-        assert np.min(abs(finer / fall["falls_at"] - 1.0)) < 1e-5
+    for way, count in (("up", ups), ("down", downs)):
+        falls = mine[(mine["way"] == way) & (mine["at"] == "fold")]
+        assert len(falls) == count
+        for fall in falls:
+            assert np.min(abs(ends("quasi_linear") / fall["falls_at"] - 1.0)) < 1e-5
+
+
+def test_marches_up_to_sixty_fall_where_those_up_to_twenty_do():
+    both = [stored(f"amplitudes_{highest}") for highest in (20, 60)]
+    near, far = ({(leg["degrees"], f"{leg['falls_at']:.5g}") for leg in legs if leg["way"] == "up"} for legs in both)
+    assert {each for each in near if each[1] != "nan"} <= far
 
 
 @pytest.mark.parametrize("way", ["up", "down"])

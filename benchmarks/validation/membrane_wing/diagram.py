@@ -6,8 +6,9 @@ of every stable stretch, one per cent larger, the equations are integrated in ti
 Results in ``../results``: ``wing_diagram_*.csv``, a line a point, thinned to what a curve needs; ``wing_points_*.csv``,
 the special points, where ``changes`` says whether stability does; ``wing_reached_*.csv``, lifts traced and integrated;
 ``wing_intervals_*.csv``, both ends of each interval with several stable motions (`Diagram.intervals`);
-``wing_falls_*.csv``, where slow marches go (`Diagram.march`), leg by leg. On one core the quasi-linear membrane
-takes 4 min of CPU time to explore, the full one 13 min, and the integrations as long again or longer::
+``wing_stretches_*.csv``, the stable stretches by mode and symmetry; ``wing_falls_*.csv``, where slow marches go
+(`Diagram.march`), leg by leg. On one core the quasi-linear membrane takes 4 min of CPU time to explore, the full one
+13 min, and the integrations as long again or longer::
 
     python diagram.py quasi_linear
 
@@ -17,7 +18,6 @@ With ``--file diagram.npz`` the diagram is kept as well, whole; a run that finds
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
 import sys
 import time
@@ -25,10 +25,10 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-from march import HARMONICS, LONGEST, MEMBRANES, PITCH, RESULTS, Hold
+from case import LEG, MEMBRANES, PITCH, RESULTS, from_rest, legs, paper_wing, write
+from march import HARMONICS, LONGEST, Hold
 
 import hbnlp
-from hbnlp.fourier import to_real
 
 SPAN = (0.1, 70.0)
 TOLERANCE = 1e-3
@@ -38,25 +38,18 @@ BEND = 2e-3
 """A point is left out where the line between its neighbours passes this near, in logarithms."""
 
 
-def from_rest(wing: hbnlp.System, problem: hbnlp.HarmonicBalance) -> hbnlp.Solution:
-    """Return the motion that a march down from rest begins with."""
-    high = Hold(wing, SPAN[1], None, 2.0 * LONGEST)
-    at = {"pitch_amplitude": PITCH, "omega": high.omega}
-    response = hbnlp.integrate(wing, at=at, start=high.state, max_periods=1, method=high.method, throw=False)
-    return hbnlp.solve(problem, at=at, start=to_real(response.displacement_harmonics(15)))
-
-
 def explored(wing: hbnlp.System, path: Path | None) -> hbnlp.Diagram:
     """Return the diagram, gone on with from a file if that is there."""
     problem = hbnlp.HarmonicBalance(wing, tolerance=TOLERANCE)
     before = hbnlp.Diagram.load(path, problem=problem) if path is not None and path.exists() else None
+    rest = from_rest(problem, {"pitch_amplitude": PITCH, "omega": SPAN[1]})
     diagram = hbnlp.explore(
         problem,
         "omega",
         SPAN,
         at={"pitch_amplitude": PITCH},
         depth=DEPTH,
-        known=[from_rest(wing, problem)],
+        known=[] if rest is None else [rest],
         beside_stable=True,
         callbacks=[hbnlp.ProgressBar()],
         resume=before,
@@ -66,25 +59,23 @@ def explored(wing: hbnlp.System, path: Path | None) -> hbnlp.Diagram:
     return diagram
 
 
-def marches(diagram: hbnlp.Diagram) -> Iterator[list[object]]:
-    """Yield what slow marches do, leg by leg: up from low frequencies, down from the motion that rest leads to."""
-    found = {i for i, origin in enumerate(diagram.origins) if origin.value is not None}  # from the highest frequency
-    highest = max((each for each in diagram.stretches() if each.stable and each.branch in found), key=lambda e: e.high)
-    for way, branch in (("up", 0), ("down", highest.branch)):
-        for leg in diagram.march(way, branch=branch).legs:
-            point = leg.stretch.at_high if way == "up" else leg.stretch.at_low
-            kind = "end" if point is None else point.kind.value
-            falls_at = "" if leg.falls_at is None else f"{leg.falls_at:.8g}"
-            numbers = [f"{leg.enters:.8g}", f"{leg.leaves:.8g}"]
-            yield [way, leg.stretch.branch, *numbers, kind, leg.next.name.lower(), falls_at]
-
-
 def bounded(diagram: hbnlp.Diagram) -> Iterator[list[object]]:
     """Yield the intervals in which several motions are stable, with what bounds them."""
     for each in diagram.intervals():
         kinds = ["end" if point is None else point.kind.value for point in (each.at_low, each.at_high)]
         numbers = sorted({stretch.branch for stretch in each.stretches})
         yield [f"{each.low:.8g}", f"{each.high:.8g}", *kinds, " ".join(f"b{number}" for number in numbers)]
+
+
+def named(diagram: hbnlp.Diagram) -> Iterator[list[object]]:
+    """Yield the stable stretches, with what bounds them, the mode that is largest in their middle, its symmetry."""
+    for each in diagram.stretches():
+        if each.stable:
+            kinds = ["end" if point is None else point.kind.value for point in (each.at_low, each.at_high)]
+            middle = diagram.branches[each.branch].solution((each.begin + each.end) // 2)
+            mode = 1 + int(np.linalg.norm(middle.coefficients, axis=1).argmax())
+            form = "symmetric" if middle.is_odd else "asymmetric"
+            yield [each.branch, f"{each.low:.8g}", f"{each.high:.8g}", *kinds, mode, form]
 
 
 def reached(wing: hbnlp.System, motion: hbnlp.Solution) -> np.ndarray:
@@ -105,21 +96,13 @@ def thinned(points: np.ndarray, keep: Iterable[int]) -> list[int]:
     return [*chosen, len(points) - 1]
 
 
-def write(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    part = path.with_suffix(".part")
-    with part.open("w", newline="") as stream:
-        csv.writer(stream, lineterminator="\n").writerows([header, *rows])
-    part.replace(path)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("membrane", choices=MEMBRANES)
     parser.add_argument("--file", type=Path, help="where the whole diagram is kept")
     given = parser.parse_args()
     clock = time.process_time()
-    membrane = MEMBRANES[given.membrane](mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
-    wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
+    wing = paper_wing(given.membrane)
     diagram = explored(wing, given.file)
     sys.stderr.write(f"{diagram!r}\n{time.process_time() - clock:.0f} s of CPU time\n")
     curves, special, motions = [], [], []
@@ -154,8 +137,10 @@ def main() -> None:
     write(RESULTS / f"wing_intervals_{given.membrane}.csv", header, bounded(diagram))
     pairs = [f"{how}_{h}" for h in HARMONICS for how in ("traced", "integrated")]
     write(RESULTS / f"wing_reached_{given.membrane}.csv", ["branch", "omega", "begin", "end", *pairs], motions)
-    header = ["way", "branch", "enters", "leaves", "at", "next", "falls_at"]
-    write(RESULTS / f"wing_falls_{given.membrane}.csv", header, marches(diagram))
+    header = ["branch", "low", "high", "at_low", "at_high", "mode", "form"]
+    write(RESULTS / f"wing_stretches_{given.membrane}.csv", header, named(diagram))
+    rows = ([x if not isinstance(x, float) else f"{x:.8g}" for x in leg.values()] for leg in legs(diagram))
+    write(RESULTS / f"wing_falls_{given.membrane}.csv", LEG, rows)
     sys.stderr.write(f"{time.process_time() - clock:.0f} s of CPU time\n")
 
 

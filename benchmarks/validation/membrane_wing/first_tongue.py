@@ -15,8 +15,8 @@ import sys
 import time
 
 import numpy as np
-from diagram import TOLERANCE, write
-from march import MEMBRANES, PITCH, RESULTS
+from case import MEMBRANES, PITCH, RESULTS, paper_wing, write
+from diagram import TOLERANCE
 
 import hbnlp
 
@@ -39,8 +39,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("membrane", choices=MEMBRANES)
     given, clock = parser.parse_args(), time.process_time()
-    membrane = MEMBRANES[given.membrane](mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
-    fold = fold_of_the_quiet_motion(hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100()))
+    fold = fold_of_the_quiet_motion(paper_wing(given.membrane))
     span = (np.radians(0.5), np.radians(8.0))
     limits, bar = LIMITS[given.membrane], hbnlp.ProgressBar()
     curve = hbnlp.follow(fold, "pitch_amplitude", limits=limits, span=span, callbacks=[bar])

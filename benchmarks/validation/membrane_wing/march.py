@@ -26,15 +26,12 @@ import csv
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
+from case import MEMBRANES, PITCH, RESULTS, paper_wing
 
 import hbnlp
 
-RESULTS = Path(__file__).parents[1] / "results"
-MEMBRANES = {"quasi_linear": hbnlp.QuasiLinearMembrane, "nonlinear": hbnlp.NonlinearMembrane}
-PITCH = np.radians(2.5)
 LOW, HIGH = 0.5, 70.0
 LONGEST_STEP, SHORTEST = 0.1, 0.003
 """Relative to the frequency."""
@@ -142,8 +139,7 @@ def main() -> None:
     parser.add_argument("way", choices=("up", "down"))
     parser.add_argument("--halved", action="store_true", help="steps half as long")
     given = parser.parse_args()
-    membrane = MEMBRANES[given.membrane](mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10)
-    wing = hbnlp.membrane_wing(membrane, hbnlp.aero.flat_plate_re100(n_modes=10))
+    wing = paper_wing(given.membrane)
     name = f"wing_march_{given.membrane}_{given.way}" + ("_halved" if given.halved else "")
     begun = time.process_time()
     path = RESULTS / f"{name}.csv"
