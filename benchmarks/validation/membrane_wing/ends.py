@@ -1,12 +1,12 @@
 """Solve for the ends of the paper's wing's motions by themselves, with other tolerances, modes and aerodynamics.
 
 A diagram that ``diagram.py`` kept tells where the stable motions begin and end. Each such end is come to anew: from a
-motion of the same branch on the stable side of it, solved again with the other tolerance, modes or ROM (where Newton's
-method does not come to it, after an integration from it), a trace goes towards the end until it meets a special point
-of that kind. So a variant takes seconds, not minutes. Results in
+motion of the same branch on the stable side of it, solved again with the other tolerance, modes or ROM, and stable
+there as well (where Newton's method does not come to it, after an integration from it), a trace goes towards the end
+until it meets a special point of that kind. Results in
 ``../results/wing_ends_*.csv``: a line an end and variant (empty if it is not met), with its multiplier, the harmonics
 that it took, and how far the motion there may be believed (camber, error of the tension against the exact arc, see
-``wing.validity``). CPU time on one core: 10 min for the quasi-linear membrane::
+``wing.validity``). CPU time on one core: 5 min for the quasi-linear membrane, 70 min for the full one::
 
     python diagram.py quasi_linear --file wing.npz
     python ends.py quasi_linear wing.npz
@@ -108,7 +108,7 @@ def ends_of(diagram: hbnlp.Diagram) -> Iterator[EndOfMotion]:
 
 
 def again(motion: hbnlp.Solution, problem: hbnlp.HarmonicBalance) -> hbnlp.Solution | None:
-    """Return the motion of another problem that is like one; None if there is none."""
+    """Return the motion of another problem that is like one, and stable; None if there is none."""
     modes, at = problem.shape[0], {"pitch_amplitude": PITCH, "omega": motion.omega}
     start = np.zeros((max(modes, len(motion.coefficients)), motion.coefficients.shape[1]))
     start[: len(motion.coefficients)] = motion.coefficients
@@ -122,7 +122,8 @@ def again(motion: hbnlp.Solution, problem: hbnlp.HarmonicBalance) -> hbnlp.Solut
                 break
             start = to_real(response.displacement_harmonics(motion.n_harmonics))
         found = hbnlp.solve(problem, at=at, start=start, throw=False)
-        if found.converged and abs(abs(found.harmonics("C_L")[1]) / lift - 1.0) <= ALIKE:
+        alike = found.converged and abs(abs(found.harmonics("C_L")[1]) / lift - 1.0) <= ALIKE
+        if alike and hbnlp.floquet(found).stable:
             return found
     return None
 
