@@ -146,10 +146,10 @@ def test_the_ends_of_the_motions_do_not_hang_on_the_tolerance(membrane):
 @membranes
 def test_the_ends_of_the_motions_have_critical_multipliers(membrane):
     for row in ends_of_motions(membrane).values():
-        if not row["multiplier"]:  # too dear to be asked for
+        multiplier = complex(row["multiplier"])
+        if np.isnan(multiplier):  # too dear to be asked for
             assert row["variant"].endswith("modes")
             continue
-        multiplier = complex(row["multiplier"])
         assert abs(abs(multiplier) - 1.0) < 1e-3
         assert row["kind"] == "Neimark-Sacker" or abs(multiplier - 1.0) < 1e-3
 
