@@ -136,14 +136,6 @@ def ends_of_motions(membrane):
 
 
 @membranes
-def test_the_ends_of_the_motions_do_not_hang_on_the_tolerance(membrane):
-    table = ends_of_motions(membrane)
-    for (end, variant), row in table.items():
-        if variant.startswith("tolerance"):
-            assert abs(row["omega"] / table[end, "as is"]["omega"] - 1.0) < 1e-6
-
-
-@membranes
 def test_the_ends_of_the_motions_have_critical_multipliers(membrane):
     for row in ends_of_motions(membrane).values():
         multiplier = complex(row["multiplier"])
