@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.linalg import blas, lapack, qr_multiply
+from scipy.linalg import blas, lapack
 
 from hbnlp.core.kept import built_once
 from hbnlp.core.types import Array, IntArray
@@ -166,13 +166,5 @@ def relative_residual(curve: Curve, y: Array, *, least: float = 0.0) -> float:
 
 
 def null_vector(matrix: Array) -> Array:
-    """Return a unit vector that a matrix (m, n), m <= n, takes to zero or, where there is none, nearly shrinks most.
-
-    By Householder's reflections of the transpose, with pivoting: the last one's vector is at right angles to all rows,
-    or to all but one that depends on the others. A fifth of the time of the singular values.
-    """
-    size = matrix.shape[1]
-    square, last = np.zeros((size, size)), np.zeros(size)
-    square[:, : len(matrix)] = matrix.T
-    last[-1] = 1.0
-    return np.asarray(qr_multiply(square, last, mode="left", pivoting=True, overwrite_a=True)[0])
+    """Return the unit vector that a matrix (m, n), m <= n, shrinks most: its null vector where it has one."""
+    return np.asarray(np.linalg.svd(matrix)[2][-1])
