@@ -234,17 +234,17 @@ def _both_ways(
         for before, after in _while_sampled(side, walk):
             if walk.n_points == len(side.folds):
                 side.folds.pop()  # the step to it was made again, with more harmonics
-            last = _at_limit(walk.curve, before, after, spans[0], options.newton)
-            after = last or after  # noqa: PLW2901 - the step is cut
-            event = _event(walk.curve, before, after, options.newton) if of_folds else None
-            side.folds.append(_followed(walk.curve, after, event, resolution))
-            if last is not None:
+            at_limit = _at_limit(walk.curve, before, after, spans[0], options.newton)
+            reached = at_limit or after
+            event = _event(walk.curve, before, reached, options.newton) if of_folds else None
+            side.folds.append(_followed(walk.curve, reached, event, resolution))
+            if at_limit is not None:
                 side.end = FIRST_SPAN
             elif walk.stop is not None:
                 side.end = _words(walk.stop)
             events = sum(fold.event is not None for s in sides for fold in s.folds)
             counts = {"folds": sum(len(s.folds) for s in sides) - 1, "events": events}
-            yield Report(after.value, 0.5 * sum(bool(s.end) for s in sides), counts)
+            yield Report(reached.value, 0.5 * sum(bool(s.end) for s in sides), counts)
             if side.end:
                 break
             fewer = resolution.coarser(walk.curve, after, walk.on) if resolution is not None else None

@@ -22,10 +22,10 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import expm
 
-from hbnlp.core.checks import whole_number
 from hbnlp.core.native import bound
 from hbnlp.core.types import Array
 from hbnlp.integration.first_order import FirstOrderForm, Propagator, Window
+from hbnlp.integration.fixed_steps import broken_off, check_steps
 
 RESOLVED = 0.75
 """|h s| of the fastest eigenvalue of the structure, its lag states held, with which the choice of steps begins.
@@ -62,8 +62,8 @@ class ExponentialRungeKutta4:
 
     Notes
     -----
-    The error of a signal falls as the fourth power of the step, where lag states are much faster than that, and the
-    force drives them, as some power between 1.5 and 3 (from a small one: 1e-7 with 256 steps). Too long a step for a
+    The error of a signal falls as the fourth power of the step; where lag states are much faster than that, more slowly
+    once it is small, theirs as the third power or less. Too long a step for a
     force that stiffens, or that cancels the linear stiffness, shows in a state that is not finite, or in one that hangs
     on the steps. As for `RungeKutta4`, corners of the force lower the order. Lag states may decay up to some 1e8 times
     as fast as the load varies before rounding shows.
@@ -78,9 +78,7 @@ class ExponentialRungeKutta4:
     steps_per_period: int | None = None
 
     def __post_init__(self) -> None:
-        if self.steps_per_period is not None:
-            advice = ", or None to have it chosen"
-            whole_number("steps_per_period", self.steps_per_period, least=4, most=10_000_000, advice=advice)
+        check_steps(self.steps_per_period)
 
     def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
         """Return the scheme at one parameter point; steps that are not given are chosen for it and ``state``."""
@@ -125,7 +123,7 @@ class _ChosenSteps:
                     self._steps //= 2
                 return window
             if self._steps >= 2**MOST_HALVINGS * self._fewest or _ends_alike(coarse, window):
-                self._left = f"; {self._steps} steps a period leave an estimated error of {error:.1e} of the state"
+                self._left = f"{self._steps} steps a period leave an estimated error of {error:.1e} of the state"
                 return window if window.failed_at is not None else window._replace(remark=self._left)
             coarse, self._steps = window, 2 * self._steps
 
@@ -153,11 +151,7 @@ class _FixedSteps:
     """Four products of a matrix and what is known so far a step, and four evaluations of N, on the same memory."""
 
     def __init__(self, form: FirstOrderForm, packed: Array, steps: int, periods: int) -> None:
-        self._n_steps, self._step = steps * periods, 2.0 * np.pi / steps
-        self._too_long = (
-            "the state is not finite any more; the system diverges, or the step is too long where its force stiffens: "
-            f"try steps_per_period={2 * steps}, or Adaptive()"
-        )
+        self._steps, self._n_steps, self._step = steps, steps * periods, 2.0 * np.pi / steps
         driven = form.compiled("driven", lambda: _driven(form))
         n_state, n_moving, n_driven = form.system.n_state, 2 * form.system.n_dof, driven.size1_out(0)
         linear, input_matrix = form.linear_part(packed)
@@ -194,9 +188,9 @@ class _FixedSteps:
                         tau[0] = (i + place) * step
                         evaluate()
                     self._state[:] = dot(self._last, self._known, out=states[i + 1])
-            if not np.isfinite(states[last]).all():  # what is not finite stays so
-                good = first + 1 + int(np.argmin(np.isfinite(states[first + 1 : last + 1]).all(axis=1)))
-                return Window(states[:good], step, good * step, self._too_long)
+            broken = broken_off(states, first, last, self._steps)
+            if broken is not None:
+                return broken
         return Window(states, step)
 
 

@@ -244,7 +244,8 @@ def respond(
     states, stopped_at = window.states, None
     if window.failed_at is None:
         states = states[:-1]
-        message = _ending(defects[-1], periodic_tol, n_periods, periods) + window.remark
+        message = _ending(defects[-1], periodic_tol, n_periods, periods)
+        message += f"; {window.remark}" if window.remark else ""
     else:
         stopped_at = (2.0 * np.pi * n_periods + window.failed_at) / omega
         period = n_periods + int(window.failed_at / (2.0 * np.pi)) + 1

@@ -8,10 +8,10 @@ from typing import final
 import casadi as ca
 import numpy as np
 
-from hbnlp.core.checks import whole_number
 from hbnlp.core.native import bound
 from hbnlp.core.types import Array
 from hbnlp.integration.first_order import FirstOrderForm, Propagator, Window
+from hbnlp.integration.fixed_steps import broken_off, check_steps
 
 HALF_DISC = 2.61
 """|h lambda| below this, in the left half plane, lies in the stability region of RK4: the region ends at 2.785 on the
@@ -49,9 +49,7 @@ class RungeKutta4:
     steps_per_period: int | None = None
 
     def __post_init__(self) -> None:
-        if self.steps_per_period is not None:
-            advice = ", or None to have it chosen"
-            whole_number("steps_per_period", self.steps_per_period, least=4, most=10_000_000, advice=advice)
+        check_steps(self.steps_per_period)
 
     def propagator(self, form: FirstOrderForm, packed: Array, state: Array, periods: int) -> Propagator:
         """Return the scheme at one parameter point.
@@ -93,11 +91,7 @@ class _FixedSteps:
     """`CHUNK` steps of RK4 a call, on numpy memory and without copies."""
 
     def __init__(self, form: FirstOrderForm, packed: Array, steps: int, periods: int) -> None:
-        self._n_steps = steps * periods
-        self._too_long = (
-            "the state is not finite any more; the system diverges, or the step is too long where its force stiffens: "
-            f"try steps_per_period={2 * steps}, or Adaptive()"
-        )
+        self._steps, self._n_steps = steps, steps * periods
         self._step = 2.0 * np.pi / steps
         self._tau = np.zeros(CHUNK)
         self._h = np.zeros(CHUNK)
@@ -116,9 +110,9 @@ class _FixedSteps:
             self._h[:] = np.where(np.arange(CHUNK) < count, self._step, 0.0)
             self._run()
             states[first + 1 : first + 1 + count] = self._path[:count]
-            if not np.all(np.isfinite(self._path[count - 1])):  # what is not finite stays so
-                good = first + 1 + int(np.argmin(np.isfinite(self._path[:count]).all(axis=1)))
-                return Window(states[:good], self._step, good * self._step, self._too_long)
+            broken = broken_off(states, first, first + count, self._steps)
+            if broken is not None:
+                return broken
         return Window(states, self._step)
 
 

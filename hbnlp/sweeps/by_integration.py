@@ -159,7 +159,7 @@ def _said_of(name: str, remarks: Mapping[float, str]) -> str:
     if not remarks:
         return ""
     last, remark = list(remarks.items())[-1]
-    return f"; at {len(remarks)} of them, the last at {name} = {last:g}{remark.replace(';', ':')}"
+    return f"; at {len(remarks)} of them, the last at {name} = {last:g}: {remark}"
 
 
 def _time_sweep(

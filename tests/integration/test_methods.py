@@ -100,13 +100,50 @@ def test_the_exponential_schemes_steps_do_not_hang_on_the_lag_states():
     )
     steps = [len(window(ExponentialRungeKutta4(), each, np.zeros(3), 1.1).states) - 1 for each in (slow, fast)]
     assert steps[0] == steps[1] == 256
-    s = 1.1j
-    exact = 1.0 / (s**2 + 0.1 * s + 1.0 - 0.1 * s**2 * 1e5 / (s + 1e5))
-    response = integrate(fast, at={"omega": 1.1}, method=ExponentialRungeKutta4(), periodic_tol=1e-9)
-    assert response.harmonics("x")[1] == pytest.approx(exact, rel=1e-7)
     # |h s| <= 0.75 of the oscillator's frequency, 1
     steps = len(window(ExponentialRungeKutta4(), fast, np.zeros(3), 0.01).states) - 1
     assert steps == np.ceil(2 * np.pi / 0.01 / 0.75)
+
+
+@pytest.mark.parametrize("rate", [1e5, 1e8])
+def test_the_exponential_scheme_takes_lag_states_that_are_much_faster_than_the_load(rate):
+    system = oscillator(0.1, 1.0, lag_state=[[-rate]], lag_input=[[rate]], lag_output=[[0.1]])
+    s = 1.1j
+    exact = 1.0 / (s**2 + 0.1 * s + 1.0 - 0.1 * s**2 * rate / (s + rate))
+    response = integrate(system, at={"omega": 1.1}, method=ExponentialRungeKutta4(), periodic_tol=1e-9)
+    assert response.harmonics("x")[1] == pytest.approx(exact, rel=1e-7)
+
+
+def test_lag_states_much_faster_than_the_steps_lower_the_exponential_schemes_order():
+    # x'' + .1 x' + x + .8 x^3 + .3 x'^3 = -3 x_l, x_l' = 1e5 (x'' - x_l): to three
+    system = oscillator(
+        0.1,
+        lag_state=[[-1e5]],
+        lag_input=[[1e5]],
+        lag_output=[[-3.0]],
+        nonlinear_force=lambda q, v, tau, p: [0.8 * q[0] ** 3 + 0.3 * v[0] ** 3],
+    )
+    lags = {}
+    for n in (64, 128, 256, 16384):
+        method = ExponentialRungeKutta4(steps_per_period=n)
+        lags[n] = window(method, system, [1.0, -0.4, 0.0], 0.8).states[-1, 2]
+    errors = np.abs([lags[n] - lags[16384] for n in (64, 128, 256)])
+    assert errors[0] < 1e-6
+    np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 3.0, atol=0.2)
+
+
+def test_the_classical_schemes_steps_for_the_wing_are_bound_by_its_fastest_lag_state():
+    # as the theory says of it, and of the exponential one
+    wing = hbnlp.membrane_wing(
+        hbnlp.QuasiLinearMembrane(mass_ratio=0.5, stiffness=250.0, prestrain=0.002, n_modes=10),
+        hbnlp.aero.flat_plate_re100(n_modes=10),
+    )
+    options = {"at": {"omega": 4.0, "pitch_amplitude": np.radians(2.5)}, "max_periods": 1, "throw": False}
+    assert len(integrate(wing, method=RungeKutta4(), **options).t) == 1344
+    assert len(integrate(wing, **options).t) == 256
+    with pytest.raises(ValueError, match="stability limit"):
+        integrate(wing, method=RungeKutta4(steps_per_period=465), **options)
+    assert integrate(wing, method=RungeKutta4(steps_per_period=475), **options).stopped_at is None
 
 
 @pytest.mark.parametrize("membrane", [hbnlp.QuasiLinearMembrane, hbnlp.NonlinearMembrane])
@@ -201,7 +238,7 @@ def test_steps_that_do_not_do_are_said():
 
 
 def test_steps_that_are_not_needed_any_more_are_given_up():
-    # of the tension of the beginning, a hundred times that of the motion to which it decays
+    # the force stiffens the beginning, thirty times as large as the motion to which it decays, by far
     method, system = ExponentialRungeKutta4(), duffing(damping_ratio=0.2, cubic=1.0, force=0.1)
     form = FirstOrderForm(system)
     run = method.propagator(form, form.pack(system.parameters.values({"omega": 1.0})), np.zeros(2), 1)

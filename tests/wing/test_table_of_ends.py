@@ -43,7 +43,7 @@ def test_the_printed_ends_are_the_stored_ones(membrane):
     assert len(rows) >= 6
     for _, kind, omega, multiplier, harmonics, camber, tension, *changes in rows:
         end = results[omega, "as is"]
-        assert (kind, f"{float(end['omega']):.3f}") == (end["kind"], omega)
+        assert kind == end["kind"]
         assert multiplier == shown(end["multiplier"])
         assert camber == f"{float(end['camber']):.3f}"
         assert tension == f"{100 * float(end['tension_error']):.1f}"
@@ -77,8 +77,10 @@ def test_the_motions_that_the_page_names_are_the_stable_stretches(membrane, begi
 @pytest.mark.parametrize("membrane", TITLES)
 def test_the_page_says_by_how_much_the_tolerance_moves_the_ends(membrane):
     results = stored(membrane)
-    (most,) = re.findall(r"with 1e-2 and 1e-4 the ends are the same to (\S+),", PAGE.read_text(encoding="utf-8"))
+    said = r"with 1e-2 and 1e-4 the ends in these tables are the same to (\S+) \(one of the five left out to (\S+)\),"
+    ((most, of_others),) = re.findall(said, " ".join(PAGE.read_text(encoding="utf-8").split()))
+    in_table = {row[2] for row in printed(membrane)}
     for omega, name in results:
         if name in TOLERANCES and results[omega, name]["omega"]:
             change = float(results[omega, name]["omega"]) / float(results[omega, "as is"]["omega"]) - 1
-            assert abs(change) <= float(most), (omega, name)
+            assert abs(change) <= float(most if omega in in_table else of_others), (omega, name)

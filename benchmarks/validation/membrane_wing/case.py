@@ -29,6 +29,8 @@ def from_rest(problem: hbnlp.HarmonicBalance, at: dict[str, float]) -> hbnlp.Sol
     """Return the motion that rest leads to at these values, if it is a periodic one."""
     periods = int(SETTLE * at["omega"] / (2.0 * np.pi))
     response = hbnlp.integrate(problem.system, at=at, max_periods=periods, throw=False)
+    if response.stopped_at is not None:
+        return None
     motion = hbnlp.solve(problem, at=at, start=to_real(response.displacement_harmonics(15)), throw=False)
     return motion if motion.converged else None
 

@@ -7,7 +7,7 @@ Results in ``../results``: ``wing_diagram_*.csv``, a line a point, thinned to wh
 the special points, where ``changes`` says whether stability does; ``wing_reached_*.csv``, lifts traced and integrated;
 ``wing_intervals_*.csv``, both ends of each interval with several stable motions (`Diagram.intervals`);
 ``wing_stretches_*.csv``, the stable stretches by mode and symmetry; ``wing_falls_*.csv``, where slow marches go
-(`Diagram.march`), leg by leg. On one core the quasi-linear membrane takes 4 min of CPU time to explore, the full one
+(`Diagram.march`), leg by leg. On one core the quasi-linear membrane takes 2 min of CPU time to explore, the full one
 13 min, and the integrations as long again or longer::
 
     python diagram.py quasi_linear
