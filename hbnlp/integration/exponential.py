@@ -62,11 +62,11 @@ class ExponentialRungeKutta4:
 
     Notes
     -----
-    The error of a signal falls as the fourth power of the step; where lag states are much faster than that, more slowly
-    once it is small, theirs as the third power or less. Too long a step for a
-    force that stiffens, or that cancels the linear stiffness, shows in a state that is not finite, or in one that hangs
-    on the steps. As for `RungeKutta4`, corners of the force lower the order. Lag states may decay up to some 1e8 times
-    as fast as the load varies before rounding shows.
+    The error of a signal falls as the fourth power of the step; where lag states are much faster than that, more
+    slowly once it is small, theirs as the third power or less. Too long a step for a force that stiffens, or that
+    cancels the linear stiffness, shows in a state that is not finite, or in one that hangs on the steps. As for
+    `RungeKutta4`, corners of the force lower the order. Lag states may decay up to some 1e8 times as fast as the load
+    varies before rounding shows.
 
     References
     ----------
